@@ -1,6 +1,6 @@
-"""The command ``levimass``: run the window or a mode without screen; exit status, Ctrl-C and broken pipes.
+"""The command ``levimass``: run the window or a headless command; handle exit status, Ctrl-C and broken pipes.
 
-What a command needs is imported only for it.
+Modules that only one command needs are imported by that command.
 """
 
 import argparse
@@ -25,23 +25,23 @@ Run = Callable[[], int]
 
 
 def run_of(options: argparse.Namespace, arguments: Sequence[str]) -> Run:
-    """Return the function that runs the command, its modules imported; that returns the exit status."""
+    """Import a command's modules and return the function that runs it; that function returns the exit status."""
     if (command := command_of(options)) == WINDOW:
         return partial(window, arguments, site=options.site)
     return _MODES[command](options)
 
 
 def window(argv: Sequence[str] | None = None, *, site: str | None = None) -> int:
-    """Open the desktop application; its simulated bench stands at ``site``, else as in the settings."""
+    """Open the desktop application; ``site`` is the floor vibration of its simulated bench, default: the settings'."""
     from app.window import run
 
     return run(list(sys.argv[1:] if argv is None else argv), site)
 
 
 def reach_of(options: argparse.Namespace) -> "Reach":
-    """Return what the rig can do: from the options, else the planning's defaults.
+    """Return the rig's possible speeds, weights and run-up from the options, else the planning's defaults.
 
-    The settings of the window do not count here, so that a command gives everybody the same answer.
+    The window's settings are not used, so that a command gives the same result on every machine.
     """
     from analysis.planning import Reach
 
@@ -144,9 +144,9 @@ OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command; return the exit status (0 analysed, 1 something failed, 2 wrong usage)."""
+    """Run the command; return the exit status: 0 success, 1 something failed, 2 wrong usage, 130 interrupted."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if isinstance(sys.stdout, io.TextIOWrapper):  # a character that the terminal lacks must not end a script
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a character unknown to the terminal must not raise
         sys.stdout.reconfigure(errors="backslashreplace")
     with _plain_streams():
         return _status(arguments)
@@ -165,7 +165,7 @@ def _status(arguments: Sequence[str]) -> int:
     except KeyboardInterrupt:
         print("levimass: interrupted", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # the reader has seen enough
+    except BrokenPipeError:  # the reader of a pipe has closed it
         _drop_output()
         return OK
     except OSError as error:
@@ -184,14 +184,14 @@ def _plain_streams() -> Iterator[None]:
             (sys.stdout, contextlib.redirect_stdout),
             (sys.stderr, contextlib.redirect_stderr),
         ):
-            if stream is not None:  # a program without a console has none
+            if stream is not None:  # None in a program without a console
                 undo.enter_context(redirect(PlainStream(stream)))  # type: ignore[type-var]
         yield
 
 
 @contextlib.contextmanager
 def _ended_by_ctrl_c() -> Iterator[None]:
-    """Let Ctrl-C end the process at once while modules are imported: an interrupted import may raise anything."""
+    """Let Ctrl-C end the process at once during imports, because an interrupted import may raise any exception."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -203,7 +203,7 @@ def _ended_by_ctrl_c() -> Iterator[None]:
 
 
 def _drop_output() -> None:
-    """Keep the interpreter from writing its buffer once more at exit."""
+    """Redirect standard output to nowhere, so that the interpreter does not fail on its buffer at exit."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 

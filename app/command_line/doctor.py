@@ -1,4 +1,4 @@
-"""``levimass doctor``: check this machine, with a ZIP file for support; ``levimass prepare``: compile everything."""
+"""``levimass doctor``: check this machine, write a ZIP file for support; ``levimass prepare``: compile all kernels."""
 
 import getpass
 import io
@@ -27,9 +27,9 @@ from instrument.process import open_in_subprocess
 
 
 def doctor(folder: Path | None = None, source: str | None = None, bundle: Path | None = None) -> int:
-    """Print the checks of this machine, and of the signals of a ``source``; return 1 where one failed.
+    """Print the checks of this machine and of the signals of a ``source``; return 1 if a check failed, else 0.
 
-    ``bundle`` is the ZIP file to write for support.
+    ``bundle`` is the path of the ZIP file for support.
     """
     checks = [_program(), *examine(folder or Path.cwd()), _qt(), _kernels(), _log()]
     if source is not None:
@@ -82,7 +82,7 @@ def _qt() -> Check:
 
 
 def prepare(jobs: int | None = None) -> int:
-    """Compile what is not compiled yet in ``jobs`` processes, with progress; return the exit status."""
+    """Compile all missing kernels in ``jobs`` processes and print progress; return the exit status."""
     if complete():
         print(f"levimass: everything is compiled already, in {cache_folder()}")
         return 0
@@ -95,7 +95,7 @@ def prepare(jobs: int | None = None) -> int:
 
 
 def progress_lines() -> Progress:
-    """Return a function that prints progress on standard error, a line for each step."""
+    """Return a progress function that prints one line per step on standard error."""
     last = ""
 
     def report(words: str, share: float) -> None:
@@ -112,9 +112,9 @@ _MOST_OF_A_FILE = 4 << 20
 
 
 def write_bundle(path: Path, checks: Sequence[Check]) -> None:
-    """Write checks, versions, settings and log, without the user's name and home folder; no recording, no result.
+    """Write a ZIP file with checks, versions, settings and log, without the user's name and home folder.
 
-    Raises RecordingError where the file cannot be written.
+    It contains no recordings and no results.  Raises RecordingError if the file cannot be written.
     """
     packages = sorted({f"{each.name} {each.version}" for each in distributions()})
     texts = {
@@ -135,14 +135,14 @@ def write_bundle(path: Path, checks: Sequence[Check]) -> None:
 
 
 def _end_of(file: Path) -> str:
-    """Return the end of a text file.  Raises RecordingError, also for a pipe, which could block without end."""
+    """Return the last 4 MiB of a text file.  Raises RecordingError, also for pipes, which could block for ever."""
     with os.fdopen(open_regular(file), "rb") as opened:
         opened.seek(max(0, os.fstat(opened.fileno()).st_size - _MOST_OF_A_FILE))
         return opened.read(_MOST_OF_A_FILE).decode(errors="replace")
 
 
 def _anonymous(text: str) -> str:
-    """Return the text without home folder (also JSON-escaped, links followed) and without the user's name in paths."""
+    """Replace the home folder (also JSON-escaped, also with links resolved) and the user's name in paths by "~"."""
     homes = {str(Path.home()), os.path.realpath(Path.home())}
     for home in sorted(homes, key=len, reverse=True):
         escaped = json.dumps(home)[1:-1]

@@ -1,6 +1,6 @@
-"""Figures 4 to 7 of the paper as PNG and SVG: measured left, simulated right, drawn by the window's own plots.
+"""Draw figures 4 to 7 of the paper as PNG and SVG: measured on the left, simulated on the right.
 
-Qt draws them because the window needs it anyway; no other plotting library is installed.
+They are drawn with pyqtgraph, which the window needs anyway, so that no other plotting library is required.
 """
 
 from pathlib import Path
@@ -14,14 +14,14 @@ from analysis.paper import Curve, Figure, Row, figures, load, paper_rig
 from analysis.shot import Shot
 from app.window import LIGHT, save_png, save_svg
 
-WIDTH, HEIGHT = 1000, 380  # of one row, in logical pixels
+WIDTH, HEIGHT = 1000, 380  # size of one row in logical pixels
 AXIS_WIDTH = 64
 
 
 def write_figures(shot: Shot | None, folder: Path) -> list[Path]:
-    """Write ``figure-4`` to ``figure-7``, PNG and SVG each, and return their paths.  Raises OSError.
+    """Write ``figure-4`` to ``figure-7`` as PNG and SVG and return their paths.  Raises OSError.
 
-    Without a shot, or where it shows no impact, the left column says so and stays empty.
+    Without a shot, or for a shot without impact, the left column contains only a sentence that says so.
     """
     application = QApplication.instance() or QApplication([])
     folder.mkdir(parents=True, exist_ok=True)
@@ -38,7 +38,7 @@ def write_figures(shot: Shot | None, folder: Path) -> list[Path]:
 
 
 def draw(figure: Figure) -> pg.GraphicsLayoutWidget:
-    """Return one figure laid out; both plots of a row share their axes."""
+    """Return one figure, laid out; both plots of a row have the same ranges."""
     view = pg.GraphicsLayoutWidget()
     view.setAttribute(Qt.WidgetAttribute.WA_DontShowOnScreen)
     view.setBackground(LIGHT.plot)
@@ -51,7 +51,7 @@ def draw(figure: Figure) -> pg.GraphicsLayoutWidget:
         ranges = [_span([c for c in (row.measured, row.simulated) if c is not None], axis) for axis in ("x", "y")]
         for plot in (left, right):
             plot.setRange(xRange=ranges[0], yRange=ranges[1], padding=0.03)
-    view.show()  # lays out; nothing appears
+    view.show()  # computes the layout without showing a window
     return view
 
 

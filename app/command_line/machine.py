@@ -1,4 +1,4 @@
-"""What this machine has: versions of the installed packages, and whether Qt can open a window."""
+"""Versions of the installed packages, and the test whether Qt can open a window on this machine."""
 
 import importlib.util
 import os
@@ -8,7 +8,7 @@ import sys
 from importlib.metadata import PackageNotFoundError, version
 
 _LISTED = ("numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "pyqtgraph")
-TRY_WINDOW = "--try-window"  # an argument of the frozen application alone
+TRY_WINDOW = "--try-window"  # argument with which the frozen application tests Qt in a subprocess
 QT_LIBRARIES = (
     "libglib2.0-0 libegl1 libgl1 libdbus-1-3 libfontconfig1 libxkbcommon0 libxkbcommon-x11-0 libxcb-cursor0 "
     "libxcb-icccm4 libxcb-image0 libxcb-keysyms1 libxcb-randr0 libxcb-render-util0 libxcb-shape0 libxcb-xkb1"
@@ -16,7 +16,7 @@ QT_LIBRARIES = (
 
 
 def version_text() -> str:
-    """Return version and licence, and in a second line the versions of Python and of the main dependencies."""
+    """Return a line with version and licence, and a line with the versions of Python and the main dependencies."""
     others = ", ".join(f"{name} {installed(name)}" for name in _LISTED)
     return f"levimass {installed('levimass')}, MIT licence\nPython {platform.python_version()}, {others}"
 
@@ -37,7 +37,7 @@ def why_no_window() -> str | None:
         return "no display"
     if importlib.util.find_spec("PySide6") is None:
         return "PySide6 is not installed"
-    # Qt aborts the process where it cannot start, so another process tries first
+    # tested in a subprocess, because Qt aborts the process if it cannot start
     tried = subprocess.run(_probe(), capture_output=True, text=True, timeout=60, check=False)
     if tried.returncode == 0:
         return None
@@ -47,14 +47,14 @@ def why_no_window() -> str | None:
 
 
 def _probe() -> list[str]:
-    """Return the command that succeeds where Qt can start; the frozen application calls itself."""
+    """Return a command that succeeds if Qt can start; the frozen application calls itself."""
     if getattr(sys, "frozen", False):
         return [sys.executable, TRY_WINDOW]
     return [sys.executable, "-c", "from PySide6.QtWidgets import QApplication; QApplication([])"]
 
 
 def try_window() -> None:
-    """Start Qt; the process ends where Qt cannot start."""
+    """Start Qt, which aborts the process if it cannot start."""
     from PySide6.QtWidgets import QApplication
 
     QApplication([])

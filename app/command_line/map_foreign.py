@@ -1,4 +1,4 @@
-"""``levimass --map``: list the channels of a foreign file, or save which of them make it a recording."""
+"""``levimass --map``: list the channels of a foreign file, or save the roles of its channels."""
 
 import shlex
 from collections.abc import Sequence
@@ -31,23 +31,23 @@ from instrument.files import (
 
 @dataclass(frozen=True, slots=True)
 class MapOptions:
-    """Options on the rig and the record; None where not given."""
+    """Command-line options on the rig and the record; None if not given."""
 
     mass_kg: float | None = None
     rate_hz: float | None = None
     rest_hz: float | None = None
     wavelength_m: float | None = None
     bits: int | None = None
-    unit: str | None = None  # of a displacement
-    model: str | None = None  # base model, only with a displacement
+    unit: str | None = None  # unit of a displacement
+    model: str | None = None  # base model of a displacement
 
 
 class WrongOption(Exception):
-    """Why the options do not make a mapping, in one line."""
+    """The options do not form a valid mapping; the message says why in one line."""
 
 
 DISPLACEMENT = "displacement"
-_MODELS = {"paper": "plate", "contact": "contact"}  # the program's names, the motion record's
+_MODELS = {"paper": "plate", "contact": "contact"}  # this program's name of a base model -> motion record's name
 
 
 def map_foreign(
@@ -58,9 +58,9 @@ def map_foreign(
     *,
     for_folder: bool,
 ) -> int:
-    """List a file's channels; with ``channels`` ("measurement=NAME") write its mapping and try it.
+    """List a file's channels; with ``channels`` ("measurement=NAME") test and write its mapping.
 
-    Returns the exit status: 1 where the file cannot be read with this mapping, 2 where an option is wrong.
+    Returns the exit status: 1 if the file cannot be read with this mapping, 2 if an option is wrong.
     """
     try:
         if any(item.startswith(f"{DISPLACEMENT}=") for item in channels or ()):
@@ -85,7 +85,7 @@ def map_foreign(
 def _map_beats(
     path: Path, channels: Sequence[str], volts: Sequence[str] | None, given: MapOptions, for_folder: bool
 ) -> None:
-    """Save which channels are the beats and the light switch, once the file is read so."""
+    """Save the mapping of beats and light switch, after the file has been read with it."""
     roles = _pairs(channels)
     factors = {role: _number(role, text) for role, text in _pairs(volts).items()}
     if Role.MEASUREMENT not in roles or given.mass_kg is None:
@@ -105,7 +105,7 @@ def _map_beats(
         ),
         given.rate_hz,
     )
-    shot = read_foreign(path, mapping)  # a mapping that does not work is not saved
+    shot = read_foreign(path, mapping)  # raises before an invalid mapping is saved
     mapping_file = path.with_name(FOLDER_MAPPING) if for_folder else mapping_path(path)
     write_mapping(mapping, mapping_file)
     trigger = "" if shot.trigger_sample is None else f", light switch at sample {shot.trigger_sample}"
@@ -114,7 +114,7 @@ def _map_beats(
 
 
 def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given: MapOptions) -> None:
-    """Save which column of a table is the displacement, and its unit."""
+    """Save the column of a table that holds the displacement, and its unit."""
     own = replace(given, mass_kg=None, rate_hz=None, unit=None, model=None)
     if len(channels) > 1 or of_beats or own != MapOptions():
         raise WrongOption("a displacement goes with --unit, --model, --mass and --rate alone")
@@ -183,7 +183,7 @@ def _listing(contents: ForeignContents) -> str:
 
 
 def _positions(contents: ForeignContents) -> list[str]:
-    """Return how to use a table that holds positions, not beats."""
+    """Return lines of advice for a table that may hold positions instead of beats."""
     if contents.format != "csv":
         return []
     table = Path(contents.path)

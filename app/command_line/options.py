@@ -1,4 +1,4 @@
-"""The commands and options of ``levimass``, each declared once; parsers, help and checks are made from them.
+"""Declarations of the commands and options of ``levimass``, from which parsers, help and checks are made.
 
 Nothing slow is imported here, so that a wrong option is reported at once.
 """
@@ -20,7 +20,7 @@ Parsed = Callable[[str], Any]
 
 def _name(text: str) -> str:
     if not text or "\0" in text:
-        raise argparse.ArgumentTypeError(f"{text!r} names no file or folder")  # an unset variable of a script
+        raise argparse.ArgumentTypeError(f"{text!r} names no file or folder")  # such as an unset shell variable
     return text
 
 
@@ -29,7 +29,7 @@ def _path(text: str) -> Path:
 
 
 def _from(least: float, kind: type[int] | type[float], words: str) -> Parsed:
-    """Return a parser of numbers not below ``least``; ``words`` say why another is refused."""
+    """Return a parser of finite numbers not below ``least``; ``words`` is the message for other numbers."""
 
     def number(text: str) -> float:
         value = kind(text)
@@ -69,7 +69,7 @@ def _speeds(text: str) -> tuple[float, ...]:
 
 
 class Version(argparse.Action):
-    """Print the version."""
+    """Print the version and exit."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from app.command_line.machine import version_text
@@ -80,7 +80,7 @@ class Version(argparse.Action):
 
 @dataclass(frozen=True, slots=True)
 class _Later:
-    """Part of a help text that is made when argparse prints the help."""
+    """Part of a help text that is computed when argparse prints the help."""
 
     words: Callable[[], str] | None
 
@@ -90,22 +90,22 @@ class _Later:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """An option, or the argument of a command.  ``parse`` None: a switch without a value; ``more`` goes to argparse."""
+    """An option, or a command's argument.  ``parse`` None: a switch without a value; ``more`` is passed to argparse."""
 
     flag: str
     help: str
     metavar: str = ""
     parse: Parsed | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
-    later: Callable[[], str] | None = None  # replaces "%(later)s" when the help is printed
+    later: Callable[[], str] | None = None  # returns the text for "%(later)s" when the help is printed
 
     @property
     def key(self) -> str:
-        """Get the attribute's name among the parsed options."""
+        """Get the name of the attribute in the parsed options."""
         return self.flag.lstrip("-").replace("-", "_")
 
     def add(self, to: Any, *names: str) -> None:
-        """Add it to a parser or a group of one, under its flag or these names."""
+        """Add the option to a parser or to an argument group, under its flag or under ``names``."""
         if self.parse is None:
             to.add_argument(*(names or (self.flag,)), action="store_true", help=self.help)
         else:
@@ -116,7 +116,7 @@ class Option:
 
 _OPTIONAL = {"nargs": "?", "const": ""}
 _EACH = {"action": "append"}
-COMMANDS = (  # each is a command and, as in earlier versions, an option
+COMMANDS = (  # each is a command and, for earlier versions' scripts, also an option
     Option("--replay", "analyse recordings (files or folders)", "PATH", _path, {"nargs": "+"}),
     Option("--acquire", "arm, wait for the light switch, record N shots", "N", _positive_int),
     Option("--simulate", "write recordings from the simulated bench", "DIR", _path),
@@ -221,7 +221,7 @@ GROUPS = (
                "SITE", _name),
     )),
 )  # fmt: skip
-_ALSO = {  # commands that accept single options of other groups
+_ALSO = {  # option -> further commands that accept it
     "json": ("paper", "acquire"),
     "source": ("doctor",),
     "jobs": ("prepare",),
@@ -229,7 +229,7 @@ _ALSO = {  # commands that accept single options of other groups
     "model": ("map",),
 }
 _ONE_CALL = "need all shots in one process: leave --jobs and --scheduler out"
-EXCLUDED = (  # an option, those that it excludes, and the message
+EXCLUDED = (  # (option, options that it excludes, message)
     ("save_model", ("no_diagnose",), "--save-model writes what a diagnosis found: leave --no-diagnose out"),
     ("jobs", ("scheduler",), "--jobs and --scheduler: one of them"),
     ("diagnosis_seconds", ("no_diagnose", "jobs"),
@@ -240,7 +240,7 @@ EXCLUDED = (  # an option, those that it excludes, and the message
     *((name, ("jobs", "scheduler"), f"--report, --hdf5, --foretell, --law, --plan and --save-model {_ONE_CALL}")
       for name in ("report", "hdf5", "save_model", "foretell", "law", "plan")),
 )  # fmt: skip
-NEEDED = (  # an option, and those of which it needs at least one
+NEEDED = (  # (option, options of which it needs at least one)
     ("hdf5", ("export",)),
     ("insecure", ("scheduler",)),
     ("acquire", ("source",)),
@@ -254,14 +254,14 @@ def commands_of(group: Group, option: Option) -> tuple[str, ...]:
 
 
 def is_model_file(model: str) -> bool:
-    """Return whether ``--model`` names a file rather than a base model."""
+    """Return whether the value of ``--model`` is a file rather than a base model."""
     return model.endswith(".toml") or "/" in model
 
 
 def known_model(model: str | None) -> "SavedModel | None":
-    """Return the model of a model file, or None where ``model`` is a name.  Raises RecordingError."""
+    """Return the model in a model file, or None if ``model`` is the name of a base model.  Raises RecordingError."""
     if model is None or not is_model_file(model):
         return None
-    from app.session import load_model  # slow to import: not for a usage error
+    from app.session import load_model  # slow to import, so not at the top
 
     return load_model(Path(model))

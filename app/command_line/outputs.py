@@ -1,4 +1,4 @@
-"""What a headless call writes and says: result files checked before the work, errors as one line on standard error."""
+"""Output of headless commands: files, checked for writability first, and one-line errors on standard error."""
 
 import json
 import sys
@@ -13,7 +13,7 @@ from instrument.files import RecordingError, check_writable, one_line, write_tex
 
 @dataclass(frozen=True, slots=True)
 class Outputs:
-    """The files of a replay, each None where it is not requested; ``json`` may be "-", standard output."""
+    """Output files of a replay, None if not requested; ``json`` may be "-" for standard output."""
 
     json: str | None = None
     export: Path | None = None
@@ -23,7 +23,7 @@ class Outputs:
 
 
 def check_outputs(json_to: str | None, folder: Path | None, *files: Path | None) -> None:
-    """Raise RecordingError or OSError where a result could not be written; ``folder`` is made where it is missing."""
+    """Raise RecordingError or OSError if an output could not be written; make ``folder`` if it is missing."""
     named = [Path(json_to)] if json_to and json_to != "-" else []
     for path in (*named, *(file for file in files if file is not None)):
         check_writable(path)
@@ -32,12 +32,12 @@ def check_outputs(json_to: str | None, folder: Path | None, *files: Path | None)
 
 
 def json_text(result: Mapping[str, Any]) -> str:
-    """Return a result as the text of a JSON file.  Raises ValueError where a number in it is not finite."""
+    """Return a result as the text of a JSON file.  Raises ValueError for a number that is not finite."""
     return json.dumps(result, indent=1, allow_nan=False) + "\n"
 
 
 def write_json(text: str, json_to: str) -> None:
-    """Write the text of a JSON file to a path, or to standard output ("-").  Raises RecordingError."""
+    """Write a JSON text to a path, or to standard output ("-").  Raises RecordingError."""
     if json_to == "-":
         print(text, end="")
     else:
@@ -45,12 +45,12 @@ def write_json(text: str, json_to: str) -> None:
 
 
 def say(line: object) -> None:
-    """Print one line on standard error, after the program's name."""
+    """Print one line on standard error, prefixed with the program's name."""
     print(f"levimass: {line}", file=sys.stderr, flush=True)
 
 
 def say_problem(shot: Shot) -> None:
-    """Say why a shot was not analysed or not fitted, where that is so."""
+    """Print why a shot was not analysed or not fitted; nothing for a fitted shot."""
     if shot.problem:
         say(problem_line(shot.path or shot.name, shot.problem))
     elif shot.fit_problem:
@@ -58,13 +58,13 @@ def say_problem(shot: Shot) -> None:
 
 
 def problem_line(path: str, problem: str) -> str:
-    """Return what is wrong with a shot in one line, with the file's name in it once."""
+    """Return one line on a shot's problem that contains the name of the file exactly once."""
     flat = one_line(path, 600)
     return problem if Path(flat).name in problem else f"{flat}: {problem}"
 
 
 def in_a_line(error: Exception, otherwise: object) -> str:
-    """Return file and cause of an error; ``otherwise`` is named where the error names no file itself."""
+    """Return one line with file and cause of an error; ``otherwise`` is named if the error names no file."""
     if isinstance(error, OSError):
         return f"{error.filename or otherwise}: {error.strerror or error}"
     text = str(error)
@@ -72,5 +72,5 @@ def in_a_line(error: Exception, otherwise: object) -> str:
 
 
 def own_fault(error: Exception) -> AnalysisError:
-    """Return the error that reports a fault of this program: it must not stop the other outputs."""
+    """Wrap an unexpected exception as a reported fault of this program, so that other outputs are still written."""
     return AnalysisError(f"a fault of the program: {type(error).__name__}: {' '.join(str(error).split())}")

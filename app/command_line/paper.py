@@ -1,4 +1,4 @@
-"""``levimass --paper``: compare the paper's numbers with this program's, and draw its figures 4 to 7."""
+"""``levimass --paper``: compare the paper's numbers with this program's, and draw the paper's figures 4 to 7."""
 
 import os
 import textwrap
@@ -17,9 +17,9 @@ _LINE = 120
 
 
 def paper(json_to: str | None, figures_to: Path | None, recording: Path | None) -> int:
-    """Print the comparison; write it as JSON ("-": standard output) and draw figures 4 to 7 where requested.
+    """Print the comparison; if requested, write it as JSON ("-": standard output) and draw figures 4 to 7.
 
-    Returns the exit status: 1 where the recording could not be analysed or something could not be written.
+    Returns the exit status: 1 if the recording could not be analysed or an output could not be written.
     """
     shot, ok = _shot(recording)
     try:
@@ -41,7 +41,7 @@ def paper(json_to: str | None, figures_to: Path | None, recording: Path | None) 
 
 
 def table(result: Reproduction) -> str:
-    """Return the comparison for a terminal: a line for each number, and below it the cause of a difference."""
+    """Return the comparison for a terminal: a line for each number, followed by the cause of a difference."""
     lines = [result.title, result.authors]
     head = ("", "paper", "as printed", "simulated", "recomputed", "recording", "difference")
     with_recording = result.recording is not None
@@ -85,7 +85,7 @@ def _shot(recording: Path | None) -> tuple[Shot | None, bool]:
 
 def _figures(shot: Shot | None, folder: Path, *, quiet: bool) -> bool:
     if not os.environ.get("QT_QPA_PLATFORM"):
-        os.environ["QT_QPA_PLATFORM"] = "offscreen"  # pictures need no screen
+        os.environ["QT_QPA_PLATFORM"] = "offscreen"  # no display is needed
     try:
         from app.command_line.figures import write_figures
     except ImportError as error:

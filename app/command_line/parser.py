@@ -1,4 +1,4 @@
-"""Parse the command line, as a command with its options or as options alone; refuse options that exclude each other."""
+"""Parse the command line, either a command with its options or only options; refuse invalid combinations."""
 
 import argparse
 from dataclasses import replace
@@ -9,7 +9,7 @@ from levimass import AnalysisSettings
 
 
 def flat_parser() -> argparse.ArgumentParser:
-    """Return the parser of all options, the commands among them."""
+    """Return the parser of all options, including the commands as options."""
     parser = argparse.ArgumentParser(
         prog="levimass",
         description="Levitation Mass Method: from the beat of two light frequencies to force and restitution. "
@@ -29,7 +29,7 @@ def flat_parser() -> argparse.ArgumentParser:
 
 
 def command_parser(name: str) -> argparse.ArgumentParser:
-    """Return the parser of one command, with the options that go with it."""
+    """Return the parser of one command, with the options that it accepts."""
     command = next((c for c in COMMANDS if c.key == ("replay" if name == PLAN else name)), None)
     about = "which shots to take next" if name == PLAN else command.help if command else "open the window"
     parser = argparse.ArgumentParser(prog=f"levimass {name}", description=f"{about[0].upper()}{about[1:]}.")
@@ -45,7 +45,7 @@ def command_parser(name: str) -> argparse.ArgumentParser:
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
-    """Return the parsed and checked options; the first argument may be a command.  Raises SystemExit on wrong usage."""
+    """Parse and check the arguments, of which the first may be a command.  Raises SystemExit on wrong usage."""
     parser, names = flat_parser(), [*(command.key for command in COMMANDS), PLAN, WINDOW]
     if not arguments or arguments[0] not in names:
         options = parser.parse_args(arguments)
@@ -72,13 +72,13 @@ def command_of(options: argparse.Namespace) -> str:
 
 
 def settings_from(options: argparse.Namespace) -> AnalysisSettings:
-    """Return the settings of the analysis."""
+    """Return the analysis settings given by the options."""
     given = {setting.key: getattr(options, setting.key) for setting in declared.CHOSEN}
     return AnalysisSettings(**{key: value for key, value in given.items() if value is not None})
 
 
 def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None:
-    """Refuse options that have no effect with this command, or that exclude each other."""
+    """End with a usage error if an option does not apply to this command or excludes another."""
     command, usual = command_of(options), flat_parser().parse_args([])
     given = {name for name, value in vars(options).items() if value != getattr(usual, name)}
     for group in declared.GROUPS:

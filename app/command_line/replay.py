@@ -1,4 +1,4 @@
-"""``levimass --replay``: analyse and diagnose recordings, plan the next shots, write results and reports."""
+"""``levimass --replay``: analyse and diagnose recordings, plan next shots, write results and reports."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -41,11 +41,11 @@ NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have t
 
 @dataclass(frozen=True, slots=True)
 class ReplayRequest:
-    """What to do with the shots beyond their own analysis.
+    """Requests in addition to the analysis of each shot.
 
-    ``laws`` are files of a person's own laws, which the diagnosis tries too.  ``test_model`` tests a model file, as it
-    is, on these shots.  ``plan`` names the next shots: those that decide between candidates (""), or that determine a
-    parameter better; ``reach`` is what the rig can do.
+    ``laws`` are files of own laws, which the diagnosis also tries.  ``test_model``: test the model file's predictions
+    on these shots.  ``plan``: plan shots that decide between the candidates (""), or that halve the uncertainty of
+    the named parameter; ``reach`` are the rig's possible speeds, weights and run-up.
     """
 
     diagnosis: bool = True
@@ -57,7 +57,7 @@ class ReplayRequest:
 
 @dataclass(frozen=True, slots=True)
 class PlannedShots:
-    """The next shots in words, and as in the result file (None: nothing is open)."""
+    """The planned shots in words, and in the form of the result file (None: the diagnosis leaves nothing open)."""
 
     words: str
     result: dict[str, Any] | None
@@ -65,13 +65,13 @@ class PlannedShots:
 
 @dataclass(frozen=True, slots=True)
 class _Results:
-    """Everything one call found, as its outputs need it."""
+    """All results of one call, for its outputs."""
 
     shots: Sequence[Shot]
     diagnosis: Diagnosis | None
     prediction: Foretold | None
     planned: PlannedShots | None
-    tried: Sequence[Effect]  # effects in the model that no diagnosis named
+    tried: Sequence[Effect]  # effects in the model that no diagnosis found
 
 
 def replay(
@@ -85,8 +85,8 @@ def replay(
 ) -> int:
     """Analyse recordings and motion records; return the exit status.
 
-    ``model`` is a base model's name or the path of a model file, whose effects are then part of the model; ``checked``
-    compares the data with their hash.  A diagnosis that fails is a failure.
+    ``model`` is the name of a base model, or the path of a model file whose effects are then in the model; ``checked``
+    compares the data with their hash.  A failed diagnosis makes the exit status 1.
     """
     shots: list[Shot] = []
     try:
@@ -102,7 +102,7 @@ def replay(
         say_problem(shot)
         shots.append(shot)
     diagnosis, failed = _diagnosis(shots, laws, settings.diagnosis_seconds) if request.diagnosis else (None, False)
-    if diagnosis is not None and is_drive(diagnosis.fit_after.model):  # its records have no overlay to compare
+    if diagnosis is not None and is_drive(diagnosis.fit_after.model):  # a drive's shots are refitted individually
         shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
     elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
         shots = read_together(shots, diagnosis.fit_after)
@@ -119,9 +119,9 @@ def replay(
 
 
 def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) -> tuple[Diagnosis | None, bool]:
-    """Return one diagnosis over the shots that can take part in it, and whether it failed.
+    """Return the joint diagnosis of all fitted shots, or None, and whether the diagnosis failed.
 
-    Where there is no diagnosis the reason is one line on standard error.
+    Without a diagnosis of fitted shots one line on standard error says why.
     """
     shots = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if not shots:
@@ -139,7 +139,7 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) ->
 
 
 def _prediction(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
-    """Return how well the model file predicts these shots; None, and one line on standard error, where it cannot."""
+    """Return the errors of the model file's predictions; after a failure print one line on stderr, return None."""
     prediction = _or_said(lambda: predicted([shot for shot in shots if not shot.problem], known), "no prediction")
     for shot in prediction.shots if prediction is not None else ():
         if shot.took_part:
@@ -150,18 +150,18 @@ def _prediction(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
 
 
 def _or_said(work: Callable[[], Result], lacking: str) -> Result | None:
-    """Return the result of ``work``; None, and one line on standard error about what is ``lacking``, where it fails."""
+    """Return the result of ``work``; after a failure print a line beginning with ``lacking`` and return None."""
     try:
         return work()
     except AnalysisError as error:
         say(f"{lacking}: {error}")
-    except Exception as error:  # the shots keep their numbers
+    except Exception as error:  # the shots' own results are still written
         say(f"{lacking}: {own_fault(error)}")
     return None
 
 
 def _say_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
-    """Say which parameters of these shots differ from those in the model file."""
+    """Print the parameters of these shots that differ significantly from those in the model file."""
     for name, deviation in drift(known, diagnosis.fit_after).items():
         if abs(deviation) > DRIFT_SIGMAS:
             say(f"{name} lies {deviation:+.1f} standard deviations from the model file's")
@@ -181,7 +181,7 @@ def _save_model(found: _Results, path: Path) -> bool:
 
 
 def _write(found: _Results, outputs: Outputs) -> bool:
-    """Write each output on its own, so that one that fails, with a line, does not stop the others."""
+    """Write all outputs; a failed one is reported in one line and does not stop the others."""
     shots, diagnosis, prediction, planned = found.shots, found.diagnosis, found.prediction, found.planned
     texts: list[str] = []
 
@@ -211,7 +211,7 @@ def _write(found: _Results, outputs: Outputs) -> bool:
     if (name := outputs.json) and texts:
         ok &= _written(lambda: write_json(texts[0], name), name)
     for shot in shots:
-        if not shot.problem or shot.impact is not None:  # otherwise the problem is on standard error already
+        if not shot.problem or shot.impact is not None:  # else the problem is already on standard error
             print(summary(shot))
     if diagnosis is not None:
         print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
@@ -223,7 +223,7 @@ def _write(found: _Results, outputs: Outputs) -> bool:
 
 
 def _written(write: Callable[[], object], where: object) -> bool:
-    """Return whether something was written; where not, the reason is one line on standard error."""
+    """Call ``write`` and return whether it succeeded; report a failure in one line on standard error."""
     try:
         write()
     except (RecordingError, OSError) as error:
@@ -238,10 +238,10 @@ def _written(write: Callable[[], object], where: object) -> bool:
 def plan_shots(
     shots: Sequence[Shot], diagnosis: Diagnosis | None, parameter: str, reach: Reach | None = None
 ) -> PlannedShots | None:
-    """Return the shots that decide what a diagnosis left open, or that halve the ± of ``parameter`` ("": none).
+    """Plan shots that decide between a diagnosis's candidates (``parameter`` "") or that halve a parameter's ±.
 
-    ``reach`` is what the rig can do; None: the planning's defaults.  Returns None, and says so in one line on standard
-    error, where there is nothing to plan from.
+    ``reach`` are the rig's possible speeds, weights and run-up; None: the planning's defaults.  Returns None, after
+    one line on standard error, if there is nothing to plan from.
     """
     motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
     if diagnosis is None:

@@ -1,4 +1,4 @@
-"""``levimass --acquire N --resolve M``: take N shots, diagnose them, take up to M more that decide what is open."""
+"""``levimass --acquire N --resolve M``: take N shots, diagnose them, take up to M more that decide the diagnosis."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,7 +25,7 @@ from instrument.files import RecordingError
 def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None, reach: Reach | None = None) -> int:
     """Take ``first`` shots, then at most ``most`` planned ones within ``reach``; return the exit status.
 
-    On the simulated bench the program sets speed and weights itself; with any other source it says what to set and
+    On the simulated bench the program sets speed and weights itself; for any other source it prints what to set and
     waits for the light switch.
     """
     try:
@@ -52,7 +52,7 @@ def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None,
 
 
 def _planned(shot: NextShot, shots: Sequence[Shot], request: CaptureRequest, number: int) -> Path:
-    """Take one planned shot, after setting speed and weights at the bench, or saying elsewhere what to set."""
+    """Take one planned shot: set speed and weights of the simulated bench, or print what to set at another source."""
     source = None
     if is_bench(request.source):
         source = pushed(request.source, shot.speed_m_per_s, shot.added_mass_kg, number)

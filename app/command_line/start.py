@@ -1,4 +1,4 @@
-"""``make run``: open the window, or analyse one simulated shot in the terminal where no window can open."""
+"""``make run``: open the window or, if no window can open, analyse one simulated shot in the terminal."""
 
 import sys
 import tempfile
@@ -12,7 +12,7 @@ from instrument.bench import USUAL_SITE, site_named
 
 
 def main() -> int:
-    """Open the window, or run one shot headless where there is no display."""
+    """Open the window, or analyse one shot headless if no window can open."""
     problem = why_no_window()
     if problem is None:
         return window([])
@@ -21,7 +21,7 @@ def main() -> int:
 
 
 def headless_shot() -> int:
-    """Simulate one shot in a usual laboratory and print its readings, then its fit."""
+    """Simulate one shot at the usual site and print its readings, then its fit."""
     from analysis.pipeline import fitted, read
     from analysis.uncertainty import combined_of
     from app.command_line.doctor import progress_lines

@@ -1,4 +1,4 @@
-"""Reports and exports of shots: HTML, PDF, CSV, HDF5; without Qt except the PDF."""
+"""Reports and exports of shots as HTML, PDF, CSV and HDF5; only the PDF needs Qt."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""Sections of the report on a diagnosis, with evidence, errors and detection limits, and on a tested prediction."""
+"""Report sections on a diagnosis (evidence, errors, detection limits) and on the test of a model's predictions."""
 
 from collections.abc import Mapping, Sequence
 
@@ -29,11 +29,11 @@ ERRORS = (
     ("reduced_chi2", "reduced χ²", ""),
 )
 _UNKNOWN = Errors(*4 * (np.nan,))
-MOST_DRAWN = 8  # shots whose residuals are drawn
+MOST_DRAWN = 8  # most shots whose residuals are drawn
 
 
 def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: str = "") -> Markup:
-    """Return the section on a diagnosis of the report's ``shots``; ``next_shots`` is the plan in words."""
+    """Return the section on a diagnosis of ``shots``; ``next_shots`` is the plan of the next shots in words."""
     motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
     count = len(motions)
     rig = "; ".join(filter(None, (weights_words([m.moving_mass_kg for m in motions]), plates_words(motions))))
@@ -74,7 +74,7 @@ def _effect(found: FoundEffect, sentence: str) -> Markup:
 
 
 def _law(law: LearnedLaw) -> Markup:
-    """Return a learned law: its formula, what else it may be, and its free curve with two standard uncertainties."""
+    """Return a learned law: formula, alternative forms, and the free curve with two standard uncertainties."""
     low, high = law.visited
     lines = [
         tag("p", tag("b", f"a force of the {law.argument}"), f" on the {law.where}: ", law.formula or "no closed form"),
@@ -108,7 +108,7 @@ def _errors(diagnosis: Diagnosis) -> Markup:
 
 
 def error_rows(columns: Sequence[tuple[str, Errors]]) -> list[list[str]]:
-    """Return a row for each kind of error that is known, with a column for each model."""
+    """Return a row for each kind of known error, with a column for each model; all columns share the row's unit."""
     rows = []
     for name, words, unit in ERRORS:
         values = [getattr(errors, name) for _, errors in columns]
@@ -120,7 +120,7 @@ def error_rows(columns: Sequence[tuple[str, Errors]]) -> list[list[str]]:
 
 
 def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
-    """Return figures of each shot's residual before and after; nothing where both are the same fit."""
+    """Return figures of each shot's residual before and after; nothing if both are the same fit."""
     before, after = diagnosis.fit_before.shots, diagnosis.fit_after.shots
     used = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if diagnosis.fit_after is diagnosis.fit_before or not before or len(before) != len(after):
@@ -160,11 +160,11 @@ def _parameters(parameters: Mapping[str, Quantity]) -> str:
 
 
 def prediction_section(prediction: Foretold) -> Markup:
-    """Return the section on a model file tested on these shots: sentence, errors of all shots and of each."""
+    """Return the section on the test of a model file: summary sentence, errors of all shots and of each shot."""
     effects = " + ".join(effect.words for effect in prediction.effects) or "no effect"
     columns: list[tuple[str, Errors]] = [("base alone", prediction.error_base), ("whole model", prediction.error_model)]
     each = [("", error or _UNKNOWN) for shot in prediction.shots for error in (shot.error_base, shot.error_model)]
-    rows = error_rows([*columns, *each])  # all in the same units
+    rows = error_rows([*columns, *each])  # in one call, so that all have the same units
     shots = []
     for place, shot in enumerate(prediction.shots):
         remark = shot.problem or ("took part in the model\u2019s fit: no test" if shot.took_part else "")

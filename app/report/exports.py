@@ -1,4 +1,4 @@
-"""Shots, motions, budgets, laws and predictions as CSV in SI units; motions also as HDF5."""
+"""Export shots, motions, budgets, laws and predictions as CSV in SI units; motions also as HDF5."""
 
 import csv
 import io
@@ -31,7 +31,7 @@ from analysis.uncertainty import (
 from app.words import cell
 from instrument.files import RecordingError, write_atomic, write_text_atomic
 
-if TYPE_CHECKING:  # what predicts also fits, and the window does without
+if TYPE_CHECKING:  # would import the fitting code, which the window's process does not need
     from analysis.diagnosis import Foretold
 
 MOTION_COLUMNS = (
@@ -45,12 +45,12 @@ MOTION_COLUMNS = (
     "acceleration_std_m_per_s2",
     "force_std_n",
 )
-_LONGEST_STEM = 200  # bytes: with an ending and a number a name has at most 255
+_LONGEST_STEM = 200  # in bytes; a file name with number and ending may have 255
 MODEL_COLUMNS = ("model_displacement_m", "model_velocity_m_per_s", "model_force_n", "model_gap_m")
 
 
 def columns_of(number: ResultNumber) -> list[str]:
-    """Return the columns of ``shots.csv`` for a number, its standard uncertainty and that from noise alone."""
+    """Return three columns of ``shots.csv``: a number, its standard uncertainty, and that from noise alone."""
     if number.origin is Origin.FITTED:
         return [number.key, f"{number.key}_std", f"{number.key}_std_noise"]
     ending = "_" + number.unit.lower().replace("/", "_per_").replace(" ", "_")
@@ -60,18 +60,18 @@ def columns_of(number: ResultNumber) -> list[str]:
 
 
 def shot_numbers() -> list[ResultNumber]:
-    """Return the numbers in the order of ``shots.csv``: those read, those that are nested, those fitted."""
+    """Return the numbers in the order of ``shots.csv``: read ones, read ones with a dotted key, fitted ones."""
     return sorted(of_collision(Origin.READ, Origin.FITTED), key=lambda n: (n.origin is Origin.FITTED, "." in n.key))
 
 
 def shot_columns() -> list[str]:
-    """Return the columns of ``shots.csv``."""
+    """Return all column names of ``shots.csv``."""
     first = ["name", "path", "started_at", "status", "problem", "flags", "note", "motion_file", "model"]
     return [*first, *itertools.chain.from_iterable(map(columns_of, shot_numbers())), "reduced_chi2"]
 
 
 def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
-    """Write one motion file per shot, ``shots.csv``, ``budget.csv`` and, of several shots, ``series.csv``.
+    """Write one motion file per shot, ``shots.csv``, ``budget.csv`` and, for several shots, ``series.csv``.
 
     Returns the paths.  Raises OSError or RecordingError.
     """
@@ -94,7 +94,7 @@ def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
 
 
 def motion_file_names(shot_names: Sequence[str]) -> list[str]:
-    """Return a different file name for each shot; shots of two folders often have the same name."""
+    """Return a distinct file name for each shot, because shots from different folders may have the same name."""
     taken = {"shots.csv", "budget.csv", "series.csv", "foretold.csv"}
     names = []
     for shot_name in shot_names:
@@ -109,7 +109,7 @@ def motion_file_names(shot_names: Sequence[str]) -> list[str]:
 
 
 def motion_columns(shot: Shot) -> dict[str, Floats]:
-    """Return the columns of a shot's motion, and of the model where the fit converged; each of shape (n,)."""
+    """Return the columns of a shot's motion and, if the fit converged, of the model; each of shape (n,)."""
     assert shot.motion is not None
     columns = {name: np.asarray(getattr(shot.motion, name)) for name in MOTION_COLUMNS}
     columns |= _stds(shot, shot.motion)
@@ -121,9 +121,9 @@ def motion_columns(shot: Shot) -> dict[str, Floats]:
 
 
 def _stds(shot: Shot, motion: Motion) -> dict[str, Floats]:
-    """Return the columns of standard uncertainties from noise and path vibration, each (n,); none without a shaking.
+    """Return the columns of standard uncertainties from noise and path vibration, each (n,); none without vibration.
 
-    The motion's own columns take a wandering path for a random walk: six times too large for the force at VC-D.
+    The motion's own columns treat a wandering path as a random walk: six times too large for the force at VC-D.
     """
     shaking = shaking_of(shot)
     if shaking is None:
@@ -138,7 +138,7 @@ def _stds(shot: Shot, motion: Motion) -> dict[str, Floats]:
 
 
 def write_motion(shot: Shot, path: Path) -> None:
-    """Write the motion record, a row per sample; a value that was not measured is an empty cell."""
+    """Write the motion record as CSV, one row per sample; values that were not measured are empty cells."""
     columns = motion_columns(shot)
     table = np.stack(list(columns.values()), axis=1)
     lines = [",".join(columns)]
@@ -149,13 +149,13 @@ def write_motion(shot: Shot, path: Path) -> None:
 def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
     """Write ``shots.csv`` from rows of ``shot_row``.
 
-    Each reading is followed by its combined standard uncertainty (``_std``) and that from noise alone (``_std_noise``).
+    After each reading: its combined standard uncertainty (``_std``) and that from noise alone (``_std_noise``).
     """
     write_table(shot_columns(), rows, path)
 
 
 def write_table(header: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
-    """Write a table as CSV, complete or not at all, with one row in memory; no cell is a formula."""
+    """Write a table as CSV atomically, with one row in memory at a time; cells that look like formulas are escaped."""
     write_text_atomic(path, map(_csv_line, itertools.chain([header], rows)), sync=True)
 
 
@@ -174,7 +174,7 @@ def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:
 
 
 def shot_row(shot: Shot, motion_file: str) -> list[str]:
-    """Return the cells of one shot; a number that was not seen is an empty cell."""
+    """Return the row of one shot for ``shots.csv``; numbers that were not seen are empty cells."""
     status = "failed" if shot.problem else "ok"
     row = [shot.name, shot.path or "", shot.started_at or "", status, shot.problem or "", " ".join(shot.flags)]
     row += [shot.note, motion_file, shot.fit.model if shot.fit else ""]
@@ -186,7 +186,7 @@ def shot_row(shot: Shot, motion_file: str) -> list[str]:
 
 
 def _cells(reading: Reading, combined: float | None) -> list[str]:
-    """Return value, combined standard uncertainty (that from noise where there is no budget), and that from noise."""
+    """Return value, combined standard uncertainty (without a budget: that from noise), and that from noise alone."""
     if not isinstance(reading, Quantity):
         return ["", "", ""]
     std = reading.std if combined is None else combined
@@ -194,7 +194,7 @@ def _cells(reading: Reading, combined: float | None) -> list[str]:
 
 
 def export_laws(diagnosis: Diagnosis, folder: Path) -> list[Path]:
-    """Write ``law_1.csv`` and so on, a row per point of the learned curve; return the paths.  Raises OSError."""
+    """Write learned laws as ``law_1.csv``, ..., one row per point of the curve; return the paths.  Raises OSError."""
     paths = []
     for number, law in enumerate(diagnosis.laws, 1):
         columns = law_columns(law)
@@ -206,7 +206,7 @@ def export_laws(diagnosis: Diagnosis, folder: Path) -> list[Path]:
 
 
 def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
-    """Return the columns of a law's curve by name: argument, free curve, its standard uncertainty, closed forms."""
+    """Return a law's columns by name: argument, free curve, its standard uncertainty, closed forms."""
     unit = law.curve_unit.replace("/", "_per_")
     columns = {f"{law.argument.replace(' ', '_')}_{unit}": law.curve_argument.tolist()}
     columns |= {"force_n": law.curve_force_n.tolist(), "force_std_n": law.curve_std_n.tolist()}
@@ -222,7 +222,7 @@ KEYS = tuple(field.name for field in fields(Errors))
 
 
 def export_prediction(prediction: "Foretold", folder: Path) -> Path:
-    """Write ``foretold.csv``: the errors of a prediction, a row per shot and one for all.  Raises OSError."""
+    """Write ``foretold.csv`` with the errors of a prediction: one row per shot, one for all.  Raises OSError."""
     header = ["name", "took_part", "problem"]
     header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]
     rows = [
@@ -249,10 +249,10 @@ def _error_cells(errors: Errors | None) -> list[str]:
 
 
 def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
-    """Write ``NAME.h5`` for every shot that has a motion and return the paths.
+    """Write ``NAME.h5`` for every shot with a motion and return the paths.
 
-    Group ``motion`` holds a data set per column (``time_s`` ...; NaN where not ``valid``) with the attribute ``unit``.
-    The file's attribute ``result`` is the shot's entry of the result file as JSON, ``settings`` is the analysis's.
+    Group ``motion`` has a data set per column (``time_s`` ...; NaN where not ``valid``) with the attribute ``unit``.
+    File attributes as JSON: ``result`` is the shot's entry in the result file, ``settings`` the analysis settings.
     Raises OSError or RecordingError.
     """
     written = []
@@ -266,7 +266,7 @@ def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
 
 
 def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
-    from analysis.report import shot_result  # it imports all that fits, which the window does without
+    from analysis.report import shot_result  # imports the fitting code, so not at the top
 
     try:
         import h5py
@@ -288,7 +288,7 @@ def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
         file.attrs["started_at"] = _attribute(shot.started_at or "")
         file.attrs["flags"] = _attribute(" ".join(shot.flags))
         file.attrs["settings"] = json.dumps(shot.settings.written())
-        # an attribute holds 64 kB: the budget, which is in the report and in --json, is left out
+        # an attribute is limited to 64 kB, so the budget is left out; it is in the report and in --json
         result = {key: value for key, value in shot_result(shot, others).items() if key != "budget"}
         file.attrs["result"] = json.dumps(result, allow_nan=False)
     return memory.getbuffer()

@@ -1,4 +1,4 @@
-"""A shot's numbers as tables of a report and as lines for a terminal; the paper's numbers as rows of text."""
+"""Tables of a shot's numbers for the report, lines of them for a terminal, and rows of the paper's numbers."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -21,11 +21,11 @@ from analysis.uncertainty import (
 )
 from app.words import Markup, by_weight, flag_words, joined, or_dash, table, tag
 
-SMALL = 0.02  # of the combined uncertainty: smaller contributions share one row
+SMALL = 0.02  # contributions below this fraction of the combined uncertainty share one row
 
 
 def numbers(shot: Shot, of: Budget | None) -> Markup:
-    """Return the table of the numbers read from the motion; one that was not seen says why."""
+    """Return the table of the numbers read from the motion, with the reason for each number that was not seen."""
     rows = []
     for number in of_collision(Origin.READ, Origin.DERIVED):
         entry, reading = of.of(number.key) if of is not None else None, number.find(shot)
@@ -36,7 +36,7 @@ def numbers(shot: Shot, of: Budget | None) -> Markup:
 
 
 def model_of_readings(model: ReadingsModel | None) -> Markup:
-    """Return which of the readings were taken from a fitted model, and from which."""
+    """Return a sentence on which readings were taken from which fitted model."""
     if model is None:
         return tag("p", "All are read from the motion alone.")
     readings = ", ".join(number_of(key).words for key in model.readings)
@@ -45,10 +45,10 @@ def model_of_readings(model: ReadingsModel | None) -> Markup:
 
 
 def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = None) -> Markup:
-    """Return the fitted model's parameters with their uncertainties and correlations, or why there are none.
+    """Return the fitted model's parameters with their uncertainties and correlations, or say why there are none.
 
-    ``tried`` are effects that no diagnosis named; the table says where one is in the model.  ``of`` is the shot's
-    budget; without one, as for several shots together, ± is from the noise of the samples.
+    ``tried`` are effects that no diagnosis found; a warning names those in the model.  ``of`` is the shot's budget;
+    without one, as for a joint fit, ± is from the noise of the samples.
     """
     if fit is None:
         return tag("p", "No model was fitted.")
@@ -80,14 +80,14 @@ def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = 
 
 
 def budgets(of: Budget | None) -> Markup:
-    """Return the uncertainty budget of each number, largest contribution first."""
+    """Return the uncertainty budgets of all numbers."""
     if of is None or not of.quantities:
         return tag("p", "No number has a budget.")
     return joined(*[_budget(entry) for entry in of.quantities])
 
 
 def scaled(reading: Reading, unit: str) -> tuple[str, str]:
-    """Return a reading as text, a dash where it was not seen, and its unit."""
+    """Return a reading as text (a dash if it was not seen) and its unit."""
     factor, shown = shown_in(unit)
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
         return "\u2013", shown
@@ -105,7 +105,7 @@ def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[st
 
 
 def _budget(entry: QuantityBudget) -> Markup:
-    """Return the budget of one number; sources too small to matter share the last row."""
+    """Return the budget of one number; negligible sources share the last row."""
     factor, unit = shown_in(entry.unit)
     counts = [row for row in entry.rows if row.std is None or row.contribution > SMALL * entry.std]
     small = [row for row in entry.rows if row not in counts]
@@ -130,7 +130,7 @@ def _source(row: BudgetRow, factor: float) -> list[str]:
 
 
 def disturbance_section(disturbance: Disturbance) -> Markup:
-    """Return what shook the path, and what was done about it."""
+    """Return the vibration of the optical path and its treatment: floor, spectral lines, knocks."""
     floor = (
         f"Site vibration of {1e9 * disturbance.floor_rms_m:.3g} nm and "
         f"{1e6 * disturbance.floor_rms_m_per_s:.3g} µm/s rms is included in the uncertainties."
@@ -166,7 +166,7 @@ OWN_SCALES = {"wavelength": (1e9, "nm"), "record_length": (1.0, "s"), "input.ste
 
 
 def paper_cells(row: PaperRow) -> tuple[str, ...]:
-    """Return a row as text: what, paper, as printed, simulated, recomputed, recording, difference and status."""
+    """Return a row as text: name, paper, as printed, simulated, recomputed, recording, difference with status."""
     said = row.paper_words or shown_number(row, row.paper) or "–"
     unit = readable_unit(row)[1].replace("m3", "m³")
     what = f"{row.what} ({unit})" if unit else row.what
@@ -182,7 +182,7 @@ def paper_cells(row: PaperRow) -> tuple[str, ...]:
 
 
 def shown_number(row: PaperRow, value: float | None, *, relative: bool = False) -> str:
-    """Return a number of a row in its readable unit, or a relative difference in per cent; empty for None."""
+    """Return a number of a row in its readable unit, or a relative difference as %, ppm or factor; "" for None."""
     if value is None:
         return ""
     if relative:
@@ -195,12 +195,12 @@ def shown_number(row: PaperRow, value: float | None, *, relative: bool = False) 
 
 
 def readable_unit(row: PaperRow) -> tuple[float, str]:
-    """Return the factor from SI to the readable unit, and that unit."""
+    """Return the factor from SI units to the readable unit, and the readable unit."""
     return OWN_SCALES.get(row.key) or SCALES.get(row.unit, (1.0, row.unit))
 
 
 def summary(shot: Shot) -> str:
-    """Return one shot's numbers for a terminal, with their combined uncertainties where they have a budget."""
+    """Return one shot's numbers for a terminal, with combined uncertainties for numbers that have a budget."""
     lines, combined = [f"{shot.path or shot.name}"], combined_of(shot)
     if shot.problem:
         lines.append(f"  not analysed: {shot.problem}")
@@ -221,7 +221,7 @@ def summary(shot: Shot) -> str:
 
 
 def fit_lines(fit: Fit, combined: Mapping[str, float]) -> list[str]:
-    """Return a fitted model's numbers for a terminal; those without a combined uncertainty say so."""
+    """Return a fitted model's parameters for a terminal; those with only a noise uncertainty say so."""
     lines = [f"  fit of model {_model_name(fit.model, fit.effects)}, reduced chi2 {fit.reduced_chi2:.3g}"]
     short = fit.short_names
     for name, quantity in fit.parameters.items():

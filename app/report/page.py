@@ -1,4 +1,4 @@
-"""The report of a shot or a session: one self-contained, printable HTML file that says how to repeat the analysis."""
+"""The report on a shot or a session: a self-contained, printable HTML page with the command that repeats it."""
 
 from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
@@ -16,7 +16,7 @@ from app.report.shot_figures import figures
 from app.report.svg_plot import style_sheet
 from app.words import Markup, by_weight, flag_words, joined, table, tag
 
-MOST_DRAWN = 24  # shots with figures: more would make the file too large for a browser
+MOST_DRAWN = 24  # most shots with figures; more would make the file too large for a browser
 NO_LOADING = "default-src 'none'; style-src 'unsafe-inline'"
 
 
@@ -31,10 +31,9 @@ def report_of(
 ) -> str:
     """Return the report as HTML.
 
-    One shot gives its own report; several give a session's, with overlay and trends before the shots themselves.
-    ``made_at`` defaults to now; ``tried`` are effects in the model that no diagnosis named; ``next_shots`` is the plan
-    of the next shots in words.
-    Figures are inline SVG, the style sheet is included; the page loads nothing and runs no script.
+    For several shots an overlay and trends precede the sections on the single shots.  ``made_at`` defaults to now;
+    ``tried`` are effects in the model that no diagnosis found; ``next_shots`` is the plan of the next shots in words.
+    Figures are inline SVG and the style sheet is included; the page loads nothing and runs no script.
     """
     made = (made_at or datetime.now(UTC)).astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
     heading = shots[0].name if len(shots) == 1 else f"Session of {len(shots)} shots"
@@ -111,7 +110,7 @@ def _remarks(shot: Shot) -> Markup:
 
 
 def _place_words(note: PlotNote) -> tuple[str, str]:
-    """Return x and y of a note with their units, time from the recording's first sample."""
+    """Return a note's x and y with units, a time from the recording's first sample."""
     x_unit, y_unit = UNITS[note.plot]
     return f"{note.x:.6g} {x_unit}", f"{note.y:.4g} {y_unit}"
 

@@ -1,7 +1,7 @@
 """The report as PDF: HTML laid out by Qt, with figures and legend keys drawn from SVG.
 
-In a page a figure takes its colours from the page's style sheet.  Qt draws it alone and knows neither the sheet nor its
-variables, and would fill everything with black: the rules are written into the elements' attributes.
+In a browser a figure takes its colours from the page's style sheet.  Qt draws each figure without the style sheet and
+would fill all shapes with black.  The rules are therefore written into the elements' attributes.
 """
 
 import os
@@ -18,9 +18,9 @@ from instrument.files import write_atomic
 
 _FIGURE = re.compile(r"<svg\b.*?</svg>", re.DOTALL)
 _KEY = re.compile(r'<span class="key ([\w-]+)">')
-_WIDTH = 680  # of a figure over the page's width, in the document's pixels
+_WIDTH = 680  # width of a figure that spans the page, in the document's pixels
 _KEY_SIZE = (26, 10)
-_OVERSAMPLING = 3.0  # a figure's pixels per pixel of the document
+_OVERSAMPLING = 3.0  # pixels of a figure per pixel of the document
 _MARGIN_MM = 15.0
 _RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
 _VARIABLE = re.compile(r"var\((--[\w-]+)\)")
@@ -28,7 +28,7 @@ _SELECTOR = re.compile(r"(?:svg )?(\.?[\w-]+)$")
 _PROPERTIES = ("fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linejoin", "text-anchor", "font-size")
 NAMESPACE = "http://www.w3.org/2000/svg"
 
-Style = dict[str, str]  # values by property
+Style = dict[str, str]  # property -> value
 
 
 def document_of(html: str) -> QTextDocument:
@@ -45,7 +45,7 @@ def document_of(html: str) -> QTextDocument:
         return added(f"figure:{found.start()}", found[0], _WIDTH)
 
     def with_key(found: re.Match[str]) -> str:
-        """Draw a legend's key: the style sheet makes it of a border, which Qt's text does not support."""
+        """Draw a legend's key as an image, because the style sheet's border is not supported by Qt's rich text."""
         width, height = _KEY_SIZE
         shape = f"M0 {height / 2}H{width - 4}" if found[1] != "band" else f"M0 0H{width - 4}V{height}H0Z"
         svg = f'<svg viewBox="0 0 {width} {height}"><path class="{found[1]}" d="{shape}"/></svg>'
@@ -58,7 +58,7 @@ def document_of(html: str) -> QTextDocument:
 def write_pdf(html: str, path: Path) -> None:
     """Write the report as a PDF of A4 pages.  Raises RecordingError."""
     application = QGuiApplication.instance()
-    if application is None:  # fonts need an application, also without a screen
+    if application is None:  # fonts need an application object even without a display
         os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
         application = QGuiApplication([])
     temporary = path.with_name(f".levimass-report.{os.getpid()}.new")
@@ -84,10 +84,10 @@ def write_pdf(html: str, path: Path) -> None:
 
 
 def _drawn(svg: str, width: float) -> QImage:
-    """Return a figure as an image; the ratio of its width to the page's is kept."""
+    """Return a figure as an image that keeps its width relative to the page."""
     renderer = QSvgRenderer(QByteArray(with_own_style(svg, style_sheet()).encode("utf-8")))
     size = renderer.defaultSize()
-    narrower = width == _WIDTH and size.width() < WIDTH  # two of them stand side by side
+    narrower = width == _WIDTH and size.width() < WIDTH  # two side by side
     wide = 0.96 * width * size.width() / WIDTH if narrower else width
     height = wide * size.height() / max(1, size.width())
     image = QImage(round(_OVERSAMPLING * wide), round(_OVERSAMPLING * height), QImage.Format.Format_RGB32)
@@ -99,7 +99,7 @@ def _drawn(svg: str, width: float) -> QImage:
 
 
 def rules_of(sheet: str) -> dict[str, Style]:
-    """Return the rules of a style sheet for figures, by "name" or ".class", with variables replaced."""
+    """Return the rules of a style sheet that apply to figures, by "name" or ".class", with variables replaced."""
     plain = re.sub(r"/\*.*?\*/|@media[^{]*\{(?:[^{}]*\{[^{}]*\})*[^{}]*\}", "", sheet, flags=re.DOTALL)
     parsed = [(selectors.strip(), _declared(body)) for selectors, body in _RULE.findall(plain)]
     variables = {name: value for _, body in parsed for name, value in body.items() if name.startswith("--")}
@@ -116,7 +116,7 @@ def rules_of(sheet: str) -> dict[str, Style]:
 
 
 def with_own_style(svg: str, sheet: str) -> str:
-    """Return a figure, an ``svg`` element, with the rules of a style sheet as its elements' attributes."""
+    """Return a figure (an ``svg`` element) with the style sheet's rules as attributes of its elements."""
     rules = rules_of(sheet)
     root = ElementTree.fromstring(svg)
     for element in root.iter():

@@ -1,4 +1,4 @@
-"""How a shot was taken and analysed, and the hash of its data: what another person needs to get the same numbers."""
+"""Report sections for reproducing the numbers: how a shot was taken and analysed, data hash, command to repeat it."""
 
 import math
 import platform
@@ -28,7 +28,7 @@ NUMERICS = ("numpy", "scipy", "numba")
 
 
 def taken_with(shot: Shot) -> Markup:
-    """Return digitizer, channels and rig of a shot."""
+    """Return the table of digitizer, channels and rig of a shot."""
     rows = [["started", shot.started_at or "not stated"]]
     if shot.sample_rate_hz is not None:
         rows.append(["sample rate", f"{shot.sample_rate_hz:.10g} samples/s"])
@@ -42,7 +42,7 @@ def taken_with(shot: Shot) -> Markup:
 
 
 def analysed_with(shot: Shot) -> Markup:
-    """Return the settings of the analysis and the quality of the signals."""
+    """Return the table of the analysis settings and the quality of the signals."""
     chosen = {entry.name: getattr(shot.settings, entry.name) for entry in fields(shot.settings)}
     rows = [[name.replace("_", " "), _value(value)] for name, value in chosen.items()]
     motion = shot.motion
@@ -63,7 +63,7 @@ def analysed_with(shot: Shot) -> Markup:
 
 
 def repeated_by(shot: Shot, tried: Collection[Effect] = ()) -> Markup:
-    """Return program, data hash and the command that repeats the report."""
+    """Return the table of program versions, data hash and the command that repeats the report."""
     rows = [["program", program_words()]]
     if shot.path is None:
         rows.append(["data", "not on disk when this report was made"])
@@ -82,7 +82,7 @@ def repeated_by(shot: Shot, tried: Collection[Effect] = ()) -> Markup:
 
 
 def program_words() -> str:
-    """Return the versions of the program and of the packages its numbers depend on."""
+    """Return the versions of the program, Python and the packages on which the numbers depend."""
     parts = [f"levimass {program_version()}"]
     for name in NUMERICS:
         try:
@@ -110,7 +110,7 @@ def _hash(path: str) -> list[list[str]]:
 
 
 def _channels(shot: Shot) -> list[list[str]]:
-    """Return the channels from the recording's metadata, as the analysed shot does not hold them."""
+    """Return rows on the channels, read from the recording's metadata because an analysed shot does not store them."""
     if shot.path and is_foreign(shot.path):
         return _mapped(Path(shot.path))
     stem = recording_stem(shot.path) if shot.path else None
@@ -172,7 +172,7 @@ def _beat(beat: BeatQuality) -> str:
 
 
 def _item(item: Any) -> str:
-    """Return one of several effects or corrections in words."""
+    """Return one effect or one correction in words."""
     if isinstance(item, tuple):
         name, given = item
         return f"{str(name).replace('_', ' ')} {'removed' if given is None else format(given, '.8g')}"

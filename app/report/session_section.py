@@ -1,4 +1,4 @@
-"""Section of the report on several shots: table, overlay from first touch, mean, repeatability and trend."""
+"""Report section on several shots together: table, overlay from first touch, means, repeatability, trends."""
 
 import math
 from collections.abc import Sequence
@@ -24,12 +24,12 @@ from app.report.shot_figures import contact_span_ms, figure, grid_ms, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
 from app.words import Markup, by_weight, flag_name, joined, or_dash, table, tag
 
-COLOURS = 8  # of the style sheet: series-0 to series-7, then again
+COLOURS = 8  # number of colours in the style sheet, series-0 to series-7, which then repeat
 NAMED = 8  # most curves in a legend
 
 
 def session_section(shots: Sequence[Shot]) -> Markup:
-    """Return table, overlay and trends of all shots together."""
+    """Return the section with table, overlay and trends of all shots."""
     found = series(shots)
     parts = [tag("h2", f"All {len(shots)} shots"), _overview(shots)]
     seen = [shot for shot in shots if shot.motion is not None and shot.impact is not None]
@@ -113,7 +113,7 @@ def _summaries(found: Series, shots: Sequence[Shot]) -> Markup:
 
 
 def shared_stds(shots: Sequence[Shot]) -> dict[str, float]:
-    """Return the median over the shots of each number's type B uncertainty, which all share, by the number's key."""
+    """Return each number's type B uncertainty, which all shots share, as the median over the shots, by key."""
     found: dict[str, list[float]] = {}
     for shot in shots:
         if shot.impact is not None:

@@ -1,4 +1,4 @@
-"""Figures of one shot: beat, velocity and force over time, residual, first contact, force against deflection, gap."""
+"""Report figures of one shot: motion over time, residual, first contact, force against deflection, gap."""
 
 import math
 from dataclasses import dataclass
@@ -10,13 +10,13 @@ from analysis.uncertainty import band_of
 from app.report.svg_plot import WIDTH, Band, Line, Plot, Remark, draw
 from app.words import Markup, tag
 
-MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # class in the style sheet, words
+MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # (class in the style sheet, label)
 RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and building, \u00b12 standard deviations")
 
 
 @dataclass(frozen=True, slots=True)
 class _Course:
-    """A shot with the time axis of its figures, in ms from ``time_zero``."""
+    """A shot with the time axes of its figures, in ms from ``time_zero``."""
 
     shot: Shot
     time_ms: Floats
@@ -34,14 +34,14 @@ class _Course:
         return tuple(1e3 * (t.value - zero) for t in instants if isinstance(t, Quantity) and math.isfinite(t.value))
 
     def remarks(self, plot: str, per_y: float = 1.0) -> tuple[Remark, ...]:
-        """Return the operator's notes on a plot over time, whose values are drawn in ``1 / per_y`` of their unit."""
+        """Return the operator's notes on a plot over time; ``per_y`` is the scale of the drawn values."""
         zero = time_zero(self.shot)[0]
         noted = (note for note in self.shot.plot_notes if note.plot == plot)
         return tuple(Remark(1e3 * (note.x - zero), per_y * note.y, note.text) for note in noted)
 
 
 def figures(shot: Shot) -> list[Markup]:
-    """Return the figures of a shot as HTML, as far as its data allow; none without a motion."""
+    """Return the figures of a shot that its data allow, as HTML; none without a motion."""
     motion = shot.motion
     if motion is None:
         return []
@@ -56,14 +56,14 @@ def figures(shot: Shot) -> list[Markup]:
 
 
 def figure(title: str, words: str, plots: list[Plot], legend: list[tuple[str, str]], height: int) -> Markup:
-    """Return plots below each other, with caption and legend."""
+    """Return a figure of stacked plots with caption and legend."""
     keys = [tag("span", text, class_=f"key {kind}") for kind, text in legend]
     drawn = [draw(plot, width=WIDTH, height=height) for plot in plots]
     return tag("figure", drawn, tag("figcaption", tag("b", title), f" {words} ", keys))
 
 
 def beat_hz(velocity_m_per_s: Floats, rest_hz: float, wavelength_m: float) -> Floats:
-    """Return the beat of the measurement photodiode, f_rest - 2 v / lambda (Eq. 1 and 2), shape (n,)."""
+    """Return the beat frequency of the measurement photodiode, f_rest - 2 v / lambda (Eq. 1 and 2), shape (n,)."""
     return rest_hz - 2.0 * velocity_m_per_s / wavelength_m
 
 
@@ -124,13 +124,13 @@ def _first_contact(course: _Course) -> Markup:
 class Deflection:
     """Force in N against deflection in mm of the plate from first touch on, positive into the plate."""
 
-    measured: tuple[Floats, Floats]  # deflection and force, (n,) each; NaN where they were not measured
+    measured: tuple[Floats, Floats]  # (deflection, force), (n,) each; NaN where not measured
     simulated: tuple[Floats, Floats] | None
-    slope: tuple[Floats, Floats] | None  # the ends of a line through the second half of the way in
+    slope: tuple[Floats, Floats] | None  # end points of the line fitted above half the greatest deflection
 
 
 def deflection_of(shot: Shot, overlay: Overlay | None) -> Deflection | None:
-    """Return the contact of a shot, and that of its fitted model; None where no touch was seen."""
+    """Return the contact of a shot and of its fitted model; None if no touch was seen."""
     motion, impact = shot.motion, shot.impact
     if motion is None or impact is None or not isinstance(touch := impact.touch_time_s, Quantity):
         return None
@@ -194,7 +194,7 @@ def _legend(course: _Course) -> list[tuple[str, str]]:
 
 
 def time_zero(shot: Shot) -> tuple[float, str]:
-    """Return the time in s at the plots' zero, and its name: first touch, else the trigger, else the first sample."""
+    """Return the plots' time origin in s and its axis label: first touch, else the trigger, else the first sample."""
     touch = shot.impact.touch_time_s if shot.impact is not None else None
     if isinstance(touch, Quantity) and math.isfinite(touch.value):
         return touch.value, "time from first touch (ms)"
@@ -204,13 +204,13 @@ def time_zero(shot: Shot) -> tuple[float, str]:
 
 
 def grid_ms(shot: Shot) -> tuple[float, float]:
-    """Return the time of a motion's first sample from ``time_zero``, and its step, both in ms."""
+    """Return the time of a motion's first sample relative to ``time_zero``, and the time step, both in ms."""
     assert shot.motion is not None
     return 1e3 * (float(shot.motion.time_s[0]) - time_zero(shot)[0]), 1e3 / shot.motion.sample_rate_hz
 
 
 def contact_span_ms(shot: Shot) -> tuple[float, float]:
-    """Return begin and end of the first bounces in ms from ``time_zero``, with a margin."""
+    """Return begin and end of the first bounces, with a margin, in ms from ``time_zero``."""
     zero, _ = time_zero(shot)
     if shot.impact is None or not shot.impact.bounce_peaks_s:
         return -1.0, 8.0

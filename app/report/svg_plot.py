@@ -1,7 +1,7 @@
-"""Curves as inline SVG for a page: axes with ticks, at most two points a pixel, no peak lost.
+"""Plots as inline SVG: axes with ticks, curves with at most two points per pixel that keep all peaks.
 
-Written here because neither Qt (needs an application) nor matplotlib (100 MB for a few axes) is wanted in ``--report``,
-and because elements of the page itself take their colours from its one style sheet, on screen and in print.
+Own code, because ``--report`` should need neither Qt (an application object) nor matplotlib (100 MB for a few axes),
+and because inline elements take their colours from the page's style sheet, on screen and in print.
 """
 
 import math
@@ -15,8 +15,8 @@ import numpy as np
 from analysis.shot import Floats
 from app.words import Markup, tag
 
-WIDTH = 760  # of a plot that spans the page, in CSS pixels
-_LEFT, _RIGHT, _TOP, _BOTTOM = 66, 10, 8, 40  # _LEFT at least: long labels take more
+WIDTH = 760  # width of a plot that spans the page, in CSS pixels
+_LEFT, _RIGHT, _TOP, _BOTTOM = 66, 10, 8, 40  # margins; _LEFT grows for long labels
 _DIGIT = 6.4  # width of a label's character
 
 
@@ -28,7 +28,7 @@ def style_sheet() -> str:
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A curve; arrays of shape (n,), NaN leaves a gap.  ``kind`` is its class in the style sheet."""
+    """A curve of shape (n,), with gaps at NaN.  ``kind`` is its class in the style sheet."""
 
     x: Floats
     y: Floats
@@ -37,7 +37,7 @@ class Line:
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """The stretch from -half to +half along x; arrays of shape (n,)."""
+    """A band from -half to +half along x; arrays of shape (n,)."""
 
     x: Floats
     half: Floats
@@ -45,7 +45,7 @@ class Band:
 
 @dataclass(frozen=True, slots=True)
 class Dot:
-    """One point with its standard uncertainty; ``words`` are told where the pointer rests on it."""
+    """One point with its standard uncertainty; ``words`` is its tooltip."""
 
     x: float
     y: float
@@ -55,7 +55,7 @@ class Dot:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """A note of the operator's at a place of the plot; outside of the axes it is left out."""
+    """An operator's note at a position in the plot; it is left out if x is outside the axes."""
 
     x: float
     y: float
@@ -64,21 +64,21 @@ class Remark:
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """One set of axes.  ``x_span`` None: as far as the lines go.  ``lines`` are drawn in their order."""
+    """One set of axes with its content.  ``x_span`` None: the range of the lines.  ``lines`` are drawn in order."""
 
     x_label: str
     y_label: str
     lines: tuple[Line, ...] = ()
     bands: tuple[Band, ...] = ()
     dots: tuple[Dot, ...] = ()
-    marks: tuple[float, ...] = field(default=())  # upright lines, for instants
+    marks: tuple[float, ...] = field(default=())  # x of vertical lines
     x_span: tuple[float, float] | None = None
     zero_line: bool = False
     remarks: tuple[Remark, ...] = ()
 
 
 def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
-    """Return the plot as an ``svg`` element; its words for those who cannot see it are the labels."""
+    """Return the plot as an ``svg`` element; its accessible name consists of the axis labels."""
     x_low, x_high = plot.x_span or _span([line.x for line in plot.lines], [d.x for d in plot.dots], 0.0)
     if plot.dots and plot.x_span is None:
         spare = 0.06 * (x_high - x_low)
@@ -88,7 +88,7 @@ def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
     ends += [remark.y for remark in plot.remarks if x_low <= remark.x <= x_high]
     for band in plot.bands:
         seen = band.half[(band.x >= x_low) & (band.x <= x_high) & np.isfinite(band.half)]
-        reach = float(np.quantile(seen, 0.95)) if seen.size else 0.0  # at a gap's edge the noise has no bound
+        reach = float(np.quantile(seen, 0.95)) if seen.size else 0.0  # quantile: the band is unbounded at gaps
         ends += [-reach, reach]
     y_low, y_high = _span([line.y[m] for line, m in zip(plot.lines, inside, strict=True)], ends, 0.06)
     levels, decimals = ticks(y_low, y_high, max(4, (height - _TOP - _BOTTOM) // 28))
@@ -111,9 +111,9 @@ def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
 
 
 def thin_out(x: Floats, y: Floats, left: float, right: float, columns: int) -> tuple[Floats, Floats]:
-    """Return at most two points a column: its lowest and its highest, so that no peak is lost.
+    """Decimate to at most two points per column, the lowest and the highest, so that no peak is lost.
 
-    ``x`` of shape (n,) rises; samples outside [left, right] are left out.  A column that holds nothing finite is NaN.
+    ``x`` (n,) must rise; samples outside [left, right] are left out.  A column without finite values gives NaN.
     """
     begin, end = np.searchsorted(x, (left, right), side="left")
     x, y = x[begin : end + 1], y[begin : end + 1]
@@ -129,9 +129,9 @@ def thin_out(x: Floats, y: Floats, left: float, right: float, columns: int) -> t
 
 
 def ticks(low: float, high: float, most: int) -> tuple[list[float], int]:
-    """Return round places within [low, high], and how many decimals their labels need.
+    """Return at most ``most`` round tick positions within [low, high], and the number of decimals of their labels.
 
-    They are at most ``most``; where that leaves a single one, which gives no scale, the next finer ones.
+    If only one tick would remain, which gives no scale, the next finer step is used.
     """
     span = high - low
     if not (math.isfinite(span) and span > 0.0):
@@ -204,7 +204,7 @@ class _Frame:
     def remark(self, remark: Remark) -> Markup:
         px, py = float(self.x(remark.x)), float(self.y(remark.y))
         right, upper = px > self.left + 0.5 * self.inner_width, py < _TOP + 0.5 * self.inner_height
-        kind = "remark-left" if right else "remark-right"  # where the text lies, seen from the dot
+        kind = "remark-left" if right else "remark-right"  # side of the dot on which the text is
         at = {"x": _r(px + (-7 if right else 7)), "y": _r(py + (15 if upper else -7))}
         spot = tag("circle", class_="remark-dot", cx=_r(px), cy=_r(py), r=3)
         return tag("g", spot, tag("text", remark.text, class_=kind, **at))
@@ -246,7 +246,7 @@ def _span(arrays: list[Floats], more: list[float], spare: float) -> tuple[float,
 
 
 def _apart(px: Floats, py: Floats) -> tuple[Floats, Floats]:
-    """Leave out points that would fall on the pixel of the one before: a loop has no columns to thin out by."""
+    """Drop points on the same pixel as their predecessor; used for loops, which ``thin_out`` cannot decimate."""
     cell = np.stack([np.round(px * 1.5), np.round(py * 1.5)])
     with np.errstate(invalid="ignore"):
         keep = np.append(True, np.any(cell[:, 1:] != cell[:, :-1], axis=0)) if px.size else np.zeros(0, bool)

@@ -1,4 +1,4 @@
-"""Words and number formats for the screen, reports and files."""
+"""Texts and number formats for the window, reports and files."""
 
 import lazy_loader
 

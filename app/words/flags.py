@@ -1,4 +1,4 @@
-"""Names and meanings of a shot's flags, and which of them cast no doubt on a number (no Qt)."""
+"""Names and explanations of a shot's flags, and the list of flags that cast no doubt on a number (no Qt)."""
 
 from collections.abc import Iterable
 
@@ -50,7 +50,7 @@ FLAG_WORDS = {
     "noise_not_known": "too little quiet flight to estimate the noise",
 }
 
-# Flags whose effect is already accounted for in the numbers and their uncertainties.
+# flags whose cause is already accounted for in the numbers and their uncertainties
 MILD_FLAGS = (
     "wander",
     "vibration",
@@ -81,22 +81,22 @@ _NAMES = {
 
 
 def flag_words(flag: str) -> str:
-    """Return what a flag means and what to do, in one line."""
+    """Return a flag's meaning and remedy in one line."""
     return FLAG_WORDS.get(flag, flag.replace("_", " "))
 
 
 def flag_name(flag: str) -> str:
-    """Return a flag in two or three words."""
+    """Return a flag's name of two or three words."""
     return _NAMES.get(flag, flag.replace("_", " "))
 
 
 def by_weight(flags: Iterable[str]) -> list[str]:
-    """Return the flags, those that cast doubt on a number first."""
+    """Return the flags, with those that cast doubt on a number first."""
     return sorted(flags, key=lambda flag: flag in MILD_FLAGS)
 
 
 def flags_in_short(flags: Iterable[str]) -> str:
-    """Return the most serious flag and the number of others, "clipped + 2"; "" for none."""
+    """Return the most serious flag and the number of others, like "clipped + 2"; "" for none."""
     ordered = by_weight(flags)
     more = f" + {len(ordered) - 1}" if len(ordered) > 1 else ""
     return flag_name(ordered[0]) + more if ordered else ""

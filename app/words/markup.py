@@ -1,6 +1,6 @@
-"""HTML and SVG elements for reports and screen; all text that is not ``Markup`` already is escaped.
+"""Make HTML and SVG elements for reports and the window; all text that is not ``Markup`` is escaped.
 
-A template engine would be one more dependency, and escapes only on request.
+No template engine is used: it would be one more dependency, and it escapes only on request.
 """
 
 import html
@@ -9,19 +9,19 @@ from collections.abc import Iterable, Sequence
 
 
 class Markup(str):
-    """Text that is markup already."""
+    """Text that is already markup and must not be escaped."""
 
     __slots__ = ()
 
 
 Piece = str | Iterable[str]
-_INSIDE_UNIT = re.compile(r"(?<=\bN) (?=s\b)")  # "N s/m" is one unit, and never ends a line after its newton
+_INSIDE_UNIT = re.compile(r"(?<=\bN) (?=s\b)")  # no line break within "N s/m"
 _VOID = ("meta", "br")
 _CLOSED = ("path", "line", "rect", "circle")  # SVG elements without children
 
 
 def escaped(text: str) -> Markup:
-    """Return text as markup; control characters, which HTML forbids, become a replacement character."""
+    """Return escaped text; control characters, which HTML forbids, become a replacement character."""
     if isinstance(text, Markup):
         return text
     clean = "".join(c if c in "\n\t" or (c >= " " and not "\x7f" <= c <= "\x9f") else "\ufffd" for c in text)
@@ -29,7 +29,7 @@ def escaped(text: str) -> Markup:
 
 
 def tag(name: str, /, *children: Piece, **attributes: str | float | None) -> Markup:
-    """Return an element.  In attributes' names a trailing "_" is dropped, others become "-"; None leaves one out."""
+    """Return an element.  In attribute names a trailing "_" is dropped, others become "-"; None values are left out."""
     pairs = (
         f' {key.rstrip("_").replace("_", "-")}="{escaped(str(value))}"'
         for key, value in attributes.items()
@@ -46,12 +46,12 @@ def joined(*pieces: Piece) -> Markup:
 
 
 def lines(pieces: Iterable[str]) -> Markup:
-    """Return texts below each other."""
+    """Return texts separated by line breaks."""
     return Markup("<br>".join(map(escaped, pieces)))
 
 
 def table(header: Sequence[str], rows: Iterable[Sequence[str]], class_: str | None = None) -> Markup:
-    """Return a table; the first cell of a row is its heading.  No line breaks within a unit."""
+    """Return a table in which the first cell of each row is its heading; units are kept on one line."""
     header, rows = _unbroken(header), map(_unbroken, rows)
     head = tag("thead", tag("tr", [tag("th", cell, scope="col") for cell in header])) if header else Markup()
     body = [tag("tr", tag("th", row[0], scope="row"), [tag("td", cell) for cell in row[1:]]) for row in rows]

@@ -1,4 +1,4 @@
-"""Words for models, effects, verdicts, parameters, units and counts, on the screen and in files (no Qt)."""
+"""Texts for models, effects, verdicts, units and counts in the window, reports and files (no Qt)."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -33,29 +33,29 @@ def model_in_words(base: str, effects: Collection[Effect], tried: Collection[Eff
 
 
 def repeatability_words(repeats: bool, what: str) -> str:
-    """Return what a drive's residual is compared with; ``what`` are the analysis's words for it."""
+    """Return the name of the reference for a drive's residual; ``what`` is the analysis's name for it."""
     if not repeats:
         return what
     return "the record-to-record repeatability" if "record" in what else "the cycle-to-cycle repeatability"
 
 
 def short_effect_words(effect: Effect) -> str:
-    """Return an effect's short name, without where it acts."""
+    """Return an effect's short name, without its place."""
     return effect.short_words.replace("coulomb", "Coulomb")
 
 
 def model_effect_words(effect: Effect, tried: Collection[Effect]) -> str:
-    """Return an effect in the model in words, with "(tried)" after one that no diagnosis named."""
+    """Return the name of an effect in the model, followed by "(tried)" if no diagnosis found it."""
     return f"{effect.words} (tried)" if effect in tried else effect.words
 
 
 def or_dash(value: float, form: str) -> str:
-    """Return a number in a format such as ".2f", a dash where it is not known."""
+    """Return a number in a format such as ".2f", or a dash if it is not finite."""
     return f"{value:{form}}" if math.isfinite(value) else "\u2013"
 
 
 def prefix_for(size: float, unit: str) -> tuple[float, str]:
-    """Return (factor, unit) in which ``size``, in the SI ``unit``, is from 1 to 1000: (1e9, "nm") for 3e-8 m."""
+    """Return (factor, prefixed unit) that brings ``size`` in ``unit`` between 1 and 1000: (1e9, "nm") for 3e-8 m."""
     if not math.isfinite(size) or size == 0.0:
         return 1.0, unit
     least = [(scale, prefix) for scale, prefix in PREFIXES if abs(size) >= 0.9995 * scale]
@@ -68,11 +68,11 @@ OUTDATED = "This verdict is about another model or other shots: diagnose again"
 
 @dataclass(frozen=True, slots=True)
 class VerdictWords:
-    """The words of a conclusion, brief and in full, and its tone; ``names``: the effects found replace it."""
+    """Texts of a verdict, brief and full, and its tone; ``names``: the brief text is replaced by the effects found."""
 
     brief: str
     full: str
-    tone: str  # of app.window.theme.Tone
+    tone: str  # value of app.window.theme.Tone
     names: bool = True
 
 
@@ -90,9 +90,9 @@ VERDICTS: Mapping[Verdict, VerdictWords] = {
 
 
 def verdict_words(conclusion: Verdict, found: Sequence[Effect], *, short: bool = False) -> str:
-    """Return the effects and laws that were found, by their names, else the conclusion, such as "adequate".
+    """Return the names of the effects and laws found, else the verdict, such as "adequate".
 
-    ``short``: the short name of the first, and the number of others.
+    ``short``: only the short name of the first, and the number of others.
     """
     said = VERDICTS[conclusion]
     if not said.names or not found:
@@ -103,5 +103,5 @@ def verdict_words(conclusion: Verdict, found: Sequence[Effect], *, short: bool =
 
 
 def counted(count: int, what: str) -> str:
-    """Return a number of things in words, "1 shot" or "2 shots"."""
+    """Return a count with its noun, like "1 shot" or "2 shots"."""
     return f"{count} {what}{'' if count == 1 else 's'}"

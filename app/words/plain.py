@@ -1,19 +1,19 @@
-"""Make text from files harmless for terminals (control characters) and spreadsheets (formulas)."""
+"""Escape text from files for terminals (control characters) and spreadsheets (formulas)."""
 
 from typing import Any, TextIO
 
-_FORMULA = ("=", "+", "-", "@")  # begin a formula
+_FORMULA = ("=", "+", "-", "@")  # first characters of a formula
 
 
 def plain(text: str) -> str:
-    """Return text with control characters written out (``\\x1b``), except line ends and tabs."""
+    """Return text with control characters escaped (``\\x1b``), except line ends and tabs."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
 
 
 def cell(text: str) -> str:
-    """Return text for a spreadsheet's cell: as ``plain``, with an apostrophe before a formula."""
+    """Return text for a spreadsheet cell: escaped as by ``plain``, with an apostrophe before a formula."""
     shown = plain(text)
     if not shown.lstrip().startswith(_FORMULA) or _is_number(shown):
         return shown
@@ -29,13 +29,13 @@ def _is_number(text: str) -> bool:
 
 
 class PlainStream:
-    """A text stream that writes everything ``plain``; ``bare`` is the stream behind it."""
+    """A text stream that escapes all text as ``plain`` does; ``bare`` is the underlying stream."""
 
     def __init__(self, bare: TextIO) -> None:
         self.bare = bare
 
     def write(self, text: str) -> int:
-        """Write ``text`` as ``plain``; return its length."""
+        """Write ``text`` escaped; return the length of the original text."""
         self.bare.write(plain(text))
         return len(text)
 

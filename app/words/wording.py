@@ -1,4 +1,4 @@
-"""Numbers and names for the screen, in the system's decimal format."""
+"""Format numbers and names for the window, in the system's decimal format."""
 
 import math
 import re
@@ -14,17 +14,17 @@ from app.words.physics_words import prefix_for
 DASH = "–"
 COMBINED = "± is the combined standard uncertainty, from all sources in the budget."
 NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
-LONGEST_NAME = 24  # characters of a shot's name beside others
+LONGEST_NAME = 24  # most characters of a shot's name in a list of names
 
 
 def local(text: str) -> str:
-    """Return a number written with "." in the system's decimal format."""
+    """Convert the text of a number with "." to the system's decimal format."""
     point = QLocale().decimalPoint()
     return text if point == "." else text.replace(".", point)
 
 
 def local_words(text: str) -> str:
-    """Return a sentence for the screen: numbers in the system's format, short exponents, capitals in names, "→"."""
+    """Convert a sentence for the window: system's decimal sign, short exponents, "Coulomb", "Stribeck", "→"."""
     plain = re.sub(r"(?<![\w.)])(\d+(?:\.\d+)?)e\+?0*([0-6])\b", lambda m: f"{float(m[0]):.0f}", text)
     plain = re.sub(r"(?<=\d)e([+-])0?(\d+)", lambda found: f"e{found[1].replace('+', '')}{found[2]}", plain)
     plain = re.sub(r"\b(coulomb|stribeck)\b", lambda m: m[0].capitalize(), plain.replace("->", "→"))
@@ -33,10 +33,10 @@ def local_words(text: str) -> str:
 
 
 def number(value: float | None, digits: int = 4) -> str:
-    """Return a bare number with so many significant digits, or a dash."""
+    """Return a number with this many significant digits, or a dash."""
     if value is None or not math.isfinite(value):
         return DASH
-    text = f"{value + 0.0:.{digits}g}"  # no "-0"
+    text = f"{value + 0.0:.{digits}g}"  # + 0.0 avoids "-0"
     mantissa, exponent, power = text.partition("e")
     if not exponent:
         return local(text)
@@ -46,14 +46,14 @@ def number(value: float | None, digits: int = 4) -> str:
 
 
 def value_text(reading: Reading | None, scale: float = 1.0) -> str:
-    """Return "value ± std", both times ``scale``, or a dash."""
+    """Return "value ± std", both multiplied by ``scale``, or a dash."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
         return DASH
     return local(str(reading.scaled(scale)))
 
 
 def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
-    """Return "0.98756(12)", with the standard uncertainty of the last digits in brackets; or a dash."""
+    """Return "0.98756(12)", with the standard uncertainty of the last digits in brackets, or a dash."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
         return DASH
     value, std = reading.value * scale, reading.std * abs(scale)
@@ -69,7 +69,7 @@ def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
 def how_text(
     name: str, reading: Reading | None, meaning: str = "", std: str = "± is the standard uncertainty."
 ) -> Markup:
-    """Return the hover text of a number: its meaning, how it was read or why not; ``std`` says what ± is."""
+    """Return the tooltip of a number: meaning, how it was read or why not; ``std`` is a sentence that explains ±."""
     said = [tag("b", name), meaning]
     if isinstance(reading, Quantity):
         said.append(f"Read from: {reading.how}" if reading.how else "")
@@ -83,7 +83,7 @@ def how_text(
 
 
 def effect_numbers(effect: Effect, parameters: Mapping[str, Quantity]) -> str:
-    """Return an effect's parameters in words, with units (a law states its own), no line ending within one."""
+    """Return an effect's parameters with units (an own law declares its units), each kept on one line."""
     units = {p.name: p.unit for p in effect.parameters} if isinstance(effect, OwnLaw) else {}
     return ", ".join(unbroken(parameter_words(name, value, units.get(name))) for name, value in parameters.items())
 
@@ -97,23 +97,23 @@ def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
 
 
 def unbroken(words: str) -> str:
-    """Return words within which no line ends: neither at a space nor after the stroke of a unit."""
+    """Return a text without possible line breaks, neither at a space nor after the slash of a unit."""
     return words.replace(" ", "\u00a0").replace("/", "/\u2060")
 
 
 def short_name(name: str) -> str:
-    """Return a name, without its middle where it is long; shots often differ at the end."""
+    """Return a name, shortened in the middle if it is long, because names of shots often differ at the end."""
     return name if len(name) <= LONGEST_NAME else f"{name[: LONGEST_NAME // 2 - 1]}…{name[-LONGEST_NAME // 2 :]}"
 
 
 def duration(seconds: float) -> str:
-    """Return minutes and seconds, "01:05"."""
+    """Return minutes and seconds, like "01:05"."""
     whole = max(0, int(seconds))
     return f"{whole // 60:02d}:{whole % 60:02d}"
 
 
 def size_words(size_bytes: float) -> str:
-    """Return a disk size, "412 GB"."""
+    """Return a disk size, like "412 GB"."""
     for unit in ("B", "kB", "MB", "GB"):
         if size_bytes < 1000:
             return f"{size_bytes:.0f} {unit}"
@@ -122,12 +122,12 @@ def size_words(size_bytes: float) -> str:
 
 
 def kept_words(version: str) -> str:
-    """Return that a result is from the cache, and which version of the program made it."""
+    """Return "cached result" with the version of the program that made it."""
     return f"cached result, version {version}"
 
 
 def with_prefix(value: float | None, unit: str) -> str:
-    """Return "111 µm" for 1.11e-4 m; a dash for None."""
+    """Return a value with a prefixed unit, like "111 µm" for 1.11e-4 m; a dash for None."""
     if value is None or not math.isfinite(value):
         return DASH
     factor, words = prefix_for(value, unit)
@@ -135,9 +135,9 @@ def with_prefix(value: float | None, unit: str) -> str:
 
 
 def typed_number(text: str) -> float:
-    """Return the typed number, with a point or a comma as the decimal sign.
+    """Parse a typed number, with a point or a comma as the decimal sign.
 
-    Raises ValueError, with the reason, where there are several: which one separates thousands depends on the country.
+    Raises ValueError with the reason, also for several signs, because the thousands separator depends on the country.
     """
     plain = text.strip().replace("−", "-")
     if plain.count(".") + plain.count(",") > 1:
@@ -152,7 +152,7 @@ def typed_number(text: str) -> float:
 
 
 def typed_numbers(text: str) -> tuple[float, ...]:
-    """Return the numbers of a list, separated by blanks, semicolons, or commas before a blank.
+    """Parse a list of numbers separated by blanks, semicolons, or commas before a blank.
 
     Raises ValueError as ``typed_number`` does.
     """

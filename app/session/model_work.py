@@ -74,7 +74,7 @@ class ModelWork:
         self._session.set_effects(self._session.effects.with_effects(base, effects).trying(tried))
         self.catch_up()
 
-    # fits that follow the model ---------------------------------------------------------------------------------
+    # refits after a change of the model -------------------------------------------------------------------------
 
     def is_behind(self, entry: Entry) -> bool:
         """Return whether an entry was fitted with other effects than those now in the model."""

@@ -178,7 +178,7 @@ class Rig:
         names = running.capture.latest().unsaved
         return dict(zip(names, running.capture.save_pending(folder), strict=False))
 
-    # state for the screen ------------------------------------------------------------------------------------------
+    # state for the window ------------------------------------------------------------------------------------------
 
     @property
     def opened(self) -> str | None:
@@ -265,7 +265,7 @@ class Rig:
             self._analyst.close()
         return not self._thread.is_alive()
 
-    # in the thread -----------------------------------------------------------------------------------------------
+    # run in the thread -------------------------------------------------------------------------------------------
 
     def _work(self) -> None:
         self._find_devices()
@@ -275,7 +275,7 @@ class Rig:
                     self._wake.wait()
                 order = self._orders.popleft()
                 if self._orders:
-                    continue  # a newer order is waiting
+                    continue  # a newer request is queued
             self._close_running()
             if order is None:
                 return

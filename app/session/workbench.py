@@ -134,7 +134,7 @@ class Workbench:
         return len(found)
 
     def read_unread(self) -> None:
-        """Queue the reading of a reopened session's entries, from the cache where one is given."""
+        """Queue the reading of a reopened session's entries, from the cache if one is given."""
         unread = [entry for entry in self.session.entries if entry.shot is None and entry.path is not None]
         if self._kept is not None:
             keys = {entry.number: self._key(entry) for entry in unread}

@@ -1,6 +1,6 @@
-"""The closed loop told on several cases: ``python -m tests.benchmarks.stories [--page docs/closed-loop.md]``.
+"""The closed loop on example cases, as a page: ``python -m tests.benchmarks.stories [--page docs/closed-loop.md]``.
 
-Every figure of the page is computed by this command; the measured and undeclared data must lie in ../shared.
+This command computes every number of the page; the measured and undeclared data must be in ../shared.
 """
 
 import argparse
@@ -62,7 +62,7 @@ def braked() -> tuple[Motion, ...]:
 
 
 def typed() -> Diagnosis:
-    """Return the diagnosis that asks the law of ``TYPED``, read from a file as a person would have written it."""
+    """Return the diagnosis that tests the law of ``TYPED``, read from a file as a person would have written it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "brake.toml"
         path.write_text(TYPED, encoding="utf-8")
@@ -90,18 +90,18 @@ def measured(pattern: str) -> tuple[Motion, ...]:
 def errors_row(what: str, errors: Errors | None) -> str:
     """Return a row of the table of errors."""
     if errors is None:
-        return f"| {what} | not held out | | | |"
+        return f"| {what} | no validation | | | |"
     numbers = (errors.displacement_rms_m, errors.velocity_rms_m_per_s, errors.force_rms_n, errors.reduced_chi2)
     return f"| {what} | {' | '.join('–' if n != n else f'{n:.4g}' for n in numbers)} |"
 
 
 def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path) -> str:
-    """Return one story as Markdown."""
+    """Return one case as Markdown."""
     said = in_words(found)
     lines = [f"## {title}", "", lead, "", f"**{found.verdict.value}**. {said.sentence}", ""]
     for effect in found.effects:
         others = ", ".join(other.name for other in effect.indistinguishable_from)
-        others = f"; not told from {others}" if others else ""
+        others = f"; indistinguishable from {others}" if others else ""
         evidence = ", ".join(f"{key} {value:.3g}" for key, value in effect.evidence.items())
         lines.append(f"- `{effect.name}`: {evidence}{others}")
     for law in found.laws:
@@ -111,21 +111,21 @@ def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path
         lines.append(f"- a law of the {law.argument}: {evidence}; {reach}; not observable: {hidden}")
     lines += ["", "| error | displacement, m | velocity, m/s | force, N | reduced chi² |", "|---|---|---|---|---|"]
     lines += [errors_row("before", found.error_before), errors_row("after", found.error_after)]
-    lines += [errors_row("held out, before", found.error_held_out_before)]
-    lines += [errors_row("held out, after", found.error_held_out_after), ""]
+    lines += [errors_row("validation, before", found.error_held_out_before)]
+    lines += [errors_row("validation, after", found.error_held_out_after), ""]
     ranked = [f"`{c.name}` {c.delta_bic:+.0f}" for c in found.candidates[:4] if c.delta_bic is not None]
-    lines += [f"Tried, by what the criterion (BIC) falls: {', '.join(ranked)}.", ""]
+    lines += [f"Candidates tried, with the change of the criterion (BIC): {', '.join(ranked)}.", ""]
     if said.separating_shot:
-        lines += [f"What would separate look-alikes: {said.separating_shot}.", ""]
+        lines += [f"Shot that would separate look-alikes: {said.separating_shot}.", ""]
     if said.remainder:
-        lines += [f"What is left: {said.remainder}.", ""]
+        lines += [f"After the diagnosis: {said.remainder}.", ""]
     if image is not None:
         lines += [f"![residual before and after]({image.relative_to(page.parent)})", ""]
     return "\n".join(lines)
 
 
 def drawing(found: Diagnosis) -> str:
-    """Return the displacement left over by every shot, before (grey) and after (blue), as SVG."""
+    """Return the displacement residual of every shot, before (grey) and after (blue), as SVG."""
     pieces = []
     most = 1e-12
     for fit in (found.fit_before, found.fit_after):
@@ -146,12 +146,12 @@ def drawing(found: Diagnosis) -> str:
 
 
 def stories() -> Sequence[tuple[str, str, str, Diagnosis]]:
-    """Return (title, image name or nothing, lead, diagnosis) of every story whose data are here."""
+    """Return (title, image name or nothing, lead, diagnosis) of every case whose data are available."""
     out = [
         (
             "A simulated rig with friction",
             "closed-loop-simulated.svg",
-            "The bench, which shares no code with the analysis, was given 20 µN of dry friction and a floor of 0.3 nm.",
+            "The bench shares no code with the analysis. It had 20 µN of dry friction and 0.3 nm of building motion.",
             diagnose(simulated()),
         )
     ]
@@ -159,35 +159,35 @@ def stories() -> Sequence[tuple[str, str, str, Diagnosis]]:
         folder = SHARED / "recordings" / f"undeclared-{number}"
         if folder.is_dir():
             name = f"closed-loop-undeclared-{number}.svg"
-            lead = "Raw recordings whose effect was not declared."
+            lead = "Raw recordings of a rig with an undeclared effect."
             out.append((f"Undeclared set {number}", name, lead, diagnose(recorded(folder))))
     lead = (
-        "A rig whose block is braked by eddy currents the more, the nearer it is to the plate (0.4 mN s/m there, "
-        f"falling over 1.2 mm). The operator suspects it and writes `brake.toml`:\n\n```toml\n{TYPED}```\n\n"
-        "then calls `levimass --replay shots --law brake.toml`."
+        "Eddy currents brake the block. Their coefficient, 0.4 mN s/m at the plate, falls by a factor e every 1.2 mm. "
+        f"The operator suspects this, writes `brake.toml`:\n\n```toml\n{TYPED}```\n\n"
+        "and calls `levimass --replay shots --law brake.toml`."
     )
     out.append(("A law typed by hand", "closed-loop-typed.svg", lead, typed()))
     if (SHARED / "measured").is_dir():
         lead = "EMPS, a driven slider (Janot, Gautier, Brunot 2019); base: mass, viscous drag, offset."
         out.append(("A measured drive", "", lead, diagnose(measured("emps.csv"), model="driven")))
-        lead = "Five collisions on an air track, fitted jointly on spring and dashpot; each run foretold by the others."
+        lead = "Five collisions on an air track, fitted jointly on spring and dashpot; each predicted from the others."
         found = diagnose(measured("airtrack-*.csv"), model="contact")
         out.append(("Measured collisions", "closed-loop-airtrack.svg", lead, found))
     return out
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Tell the stories; write page and figures where asked for."""
+    """Print the diagnosis of every case; write page and figures if requested."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--page", type=Path, metavar="FILE")
     options = parser.parse_args(arguments)
     page = options.page or Path("docs/closed-loop.md")
     parts = [
-        "# The closed loop, told on cases",
+        "# The closed loop on example cases",
         "",
-        "Written by `python -m tests.benchmarks.stories --page docs/closed-loop.md`; no number here is typed by hand.",
-        "The paper's own numbers, before, traced to and after, are told by `analysis/paper/paper_audit.py`. The blind",
-        "statistics stand in closed-loop-benchmark.md (`make bench-loop`).",
+        "Written by `python -m tests.benchmarks.stories --page docs/closed-loop.md`; every number is computed by it.",
+        "`analysis/paper/paper_audit.py` gives the paper's numbers before and after, and the cause of each difference.",
+        "Statistics on blind sets are in [closed-loop-benchmark.md](closed-loop-benchmark.md) (`make bench-loop`).",
         "",
     ]
     for title, name, lead, found in stories():

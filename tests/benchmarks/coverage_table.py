@@ -26,24 +26,23 @@ def tables(outcomes: Sequence[Outcome], seed: int) -> str:
     """Return the three tables of ``outcomes``."""
     names = list(dict.fromkeys(name for outcome in outcomes for name in outcome["read"]))
     parts = [f"{len(outcomes)} shots of seed {seed} (`python -m tests.benchmarks.coverage`).", ""]
-    parts += ["Share of 95 % intervals that hold the truth (of how many):", ""]
+    parts += ["Share of 95 % intervals that contain the true value (number of intervals):", ""]
     parts += _grid("number", SITES, names, lambda name, site: _held(_reads(outcomes, name, "site", site)))
     least, most = SCATTER
-    asked = f"asked {least:g} to {most:g}, bold where it is surely outside"
-    parts += ["", f"Scatter over the stated standard uncertainty (rms) of plain shots, {asked}:", ""]
+    required = f"required: {least:g} to {most:g}, bold where outside by over two standard errors"
+    parts += ["", f"Rms error of plain shots over their stated standard uncertainty; {required}:", ""]
     plain = [outcome for outcome in outcomes if outcome["condition"] == "plain"]
     parts += _grid("number", (*SITES, ALL), names, lambda name, site: _scatter(_reads(plain, name, "site", site)))
-    parts += ["", f"Share of numbers off by more than {FAR:g} standard uncertainties, and without a flag for it:", ""]
+    far = f"Share of numbers off by more than {FAR:g} standard uncertainties"
+    parts += ["", f"{far}, then the share off by as much without a flag for it:", ""]
     parts += [*_grid("number", CONDITIONS, names, lambda name, what: _far(outcomes, name, what))]
-    parts += ["", "Stated standard uncertainty over the least possible, median; refused although it could be read:", ""]
+    sharp = "Median of stated over least possible standard uncertainty, and share of shots whose reading was refused"
+    parts += ["", f"{sharp}:", ""]
     numbers = list(outcomes[0]["bound"])
     parts += _grid("number", SITES, numbers, lambda name, site: _sharp(outcomes, name, site, "bound"))
     bent = [outcome for outcome in outcomes if "bent" in outcome]
-    parts += [
-        "",
-        "The same where each flight may have an acceleration of 1 mm/s² of its own, as the reading takes it:",
-        "",
-    ]
+    same = "The same with a bound that allows each flight its own acceleration of 1 mm/s², as the reading does"
+    parts += ["", f"{same}:", ""]
     parts += _grid("number", SITES, numbers, lambda name, site: _sharp(bent, name, site, "bent"))
     return "\n".join(parts)
 

@@ -11,14 +11,14 @@ class State(StrEnum):
 
     IDLE = "idle"  # ready; signals may be watched
     ARMED = "armed"  # waiting for the light switch
-    TRIGGERED = "triggered"  # it fired; the samples of the shot are being received
+    TRIGGERED = "triggered"  # the light switch fired; the samples of the shot are being received
     TRANSFERRING = "transferring"  # all samples were received; they are being written to disk
     ANALYSING = "analysing"  # a single shot is being analysed; arming is possible at any time
     FAULT = "fault"  # something went wrong; the message says what, the remedy what to do
 
 
 class Event(StrEnum):
-    """What changes the state."""
+    """An event that can change the state."""
 
     ARM = "arm"
     ABORT = "abort"
@@ -31,7 +31,7 @@ class Event(StrEnum):
 
 
 class Action(StrEnum):
-    """What has to be done on a transition."""
+    """An action that a transition requires."""
 
     NONE = "none"
     START = "start"  # arm the digitizer, look for the light switch
@@ -43,7 +43,7 @@ class Action(StrEnum):
 
 _S, _E, _A = State, Event, Action
 
-# (state, event) -> (next state, action); a pair that is not listed changes nothing.  SAVED while automatic: see _next.
+# (state, event) -> (next state, action); an unlisted pair changes nothing.  _next handles SAVED with automatic on.
 TABLE: Mapping[tuple[State, Event], tuple[State, Action]] = MappingProxyType(
     {
         (_S.IDLE, _E.ARM): (_S.ARMED, _A.START),
@@ -56,7 +56,7 @@ TABLE: Mapping[tuple[State, Event], tuple[State, Action]] = MappingProxyType(
         (_S.TRIGGERED, _E.COMPLETE): (_S.TRANSFERRING, _A.FINISH),
         (_S.TRIGGERED, _E.FAIL): (_S.FAULT, _A.KEEP),
         (_S.TRIGGERED, _E.TIMEOUT): (_S.FAULT, _A.KEEP),
-        # a complete shot is never thrown away: an abort only ends the waiting, the saving goes on
+        # a complete shot is never discarded: an abort only ends the waiting, and saving continues
         (_S.TRANSFERRING, _E.ABORT): (_S.IDLE, _A.NONE),
         (_S.TRANSFERRING, _E.SAVED): (_S.ANALYSING, _A.NONE),
         (_S.TRANSFERRING, _E.FAIL): (_S.FAULT, _A.STOP),
@@ -85,7 +85,7 @@ TIMED_OUT: Mapping[State, tuple[str, str]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Deadlines:
-    """The longest wait in each state without any progress, in s."""
+    """The longest wait without progress in each state, in s."""
 
     armed_s: float = 3600.0
     triggered_s: float = 60.0
@@ -129,7 +129,7 @@ class Acquisition:
         self.status = Status(State.IDLE, self._last_s, None)
 
     def handle(self, event: Event, message: str = "", remedy: str = "", *, automatic: bool = False) -> Action:
-        """Process an event; return what has to be done.  ``automatic`` belongs to ARM: re-arm after each shot."""
+        """Process an event; return the required action.  ``automatic``, with ARM only: re-arm after each shot."""
         before = self.status
         entry = self._next(event)
         if entry is None:
@@ -146,22 +146,22 @@ class Acquisition:
         return action
 
     def set_automatic(self, on: bool) -> None:
-        """Re-arm after the present shot or not; no effect unless armed, triggered or transferring."""
+        """Set whether to re-arm after the present shot; no effect unless armed, triggered or transferring."""
         if self.status.state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
             self.status = replace(self.status, automatic=on)
 
     def progressed(self) -> None:
-        """Restart the deadline of the present state, because what it waits for has progressed."""
+        """Restart the deadline of the present state, because the awaited work has progressed."""
         limit = self.deadlines.of(self.status.state)
         if limit is not None:
             self.status = replace(self.status, deadline_s=self.clock() + limit)
 
     def tick(self) -> Action:
-        """Process TIMEOUT if the deadline has passed; return what has to be done.  Call often."""
+        """Process TIMEOUT if the deadline has passed; return the required action.  Call often."""
         now = self.clock()
         status = self.status
         if now < self._last_s and status.deadline_s is not None:
-            # a clock that ran backwards must not lengthen a wait
+            # a clock set back must not lengthen a wait
             back = self._last_s - now
             status = replace(status, since_s=status.since_s - back, deadline_s=status.deadline_s - back)
             self.status = status

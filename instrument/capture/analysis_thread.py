@@ -21,7 +21,7 @@ Done = Callable[[int, Shot | None, str | None], None]  # (key, shot, problem)
 
 def fit_here(shot: Shot, progress: Progress, cancelled: Stop) -> Shot:
     """Fit a shot that was read, in this process."""
-    from analysis.pipeline import fitted  # imports the model, which a recording without analysis never needs
+    from analysis.pipeline import fitted  # imports the model, which recording without analysis does not need
 
     return fitted(shot, progress=progress, cancelled=cancelled)
 
@@ -107,7 +107,7 @@ class AnalysisThread:
         return unfitted(shot, why or "the fit failed")
 
     def _attempt(self, step: Callable[[Progress, Stop], Shot]) -> tuple[Shot | None, str | None]:
-        """Run one step of an analysis; return the shot, or the line that says why there is none."""
+        """Run one step of an analysis; return the shot, or one line with the reason for its failure."""
 
         def progress(what: str, share: float) -> None:
             self.doing = (what, share)

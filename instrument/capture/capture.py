@@ -2,7 +2,7 @@
 
 Four threads: ``CaptureThread`` reads the digitizer and owns the state machine; ``Recorder`` writes a shot to disk while
 its samples arrive; ``AnalysisThread`` analyses behind a bounded queue; ``LiveThread`` demodulates for the screen.  The
-screen polls ``latest()`` for an immutable Snapshot; nothing ever calls into the screen.
+screen polls ``latest()`` for an immutable Snapshot; no thread calls into the screen.
 """
 
 import sys
@@ -19,8 +19,8 @@ from instrument.devices import Digitizer
 from instrument.files import disk_free_bytes
 from instrument.live import LiveThread, empty_view, warm
 
-_NO_ANSWER_S = 5.0  # a driver that blocks the capture thread for longer does not answer ...
-_NO_START_S = 60.0  # ... or for longer than this before its first sample: firmware may load, kernels may compile
+_NO_ANSWER_S = 5.0  # a driver that blocks the capture thread for longer counts as not answering,
+_NO_START_S = 60.0  # or for longer than this before its first sample, as firmware may load and kernels compile
 
 
 def _to_standard_error(line: str) -> None:
@@ -64,7 +64,7 @@ class Capture:
         self._capture.thread.start()
 
     def arm(self, *, automatic: bool = False) -> None:
-        """Wait for the light switch; ``automatic``: again after every shot, until aborted."""
+        """Arm: wait for the light switch; ``automatic``: re-arm after every shot until aborted."""
         self._orders.put(("arm", automatic))
 
     def set_automatic(self, on: bool) -> None:
@@ -72,11 +72,11 @@ class Capture:
         self._orders.put(("automatic", on))
 
     def abort(self) -> None:
-        """Return to idle from any state; samples that came after a trigger are kept."""
+        """Return to idle from any state; samples received after a trigger are saved."""
         self._orders.put(("abort", None))
 
     def watch(self, on: bool) -> None:
-        """Say whether somebody looks at the live curves; else they are not made, which is most of the work at rest."""
+        """Set whether the live curves are in view; if not, they are not computed, which saves most of the idle work."""
         if self._live is not None:
             self._live.watched = on
 

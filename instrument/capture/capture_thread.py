@@ -1,4 +1,4 @@
-"""The thread that reads the digitizer, finds the trigger and cuts shots out of the stream; it never waits for disks."""
+"""The thread that reads the digitizer, finds the trigger and cuts shots from the stream; it never waits for a disk."""
 
 import queue
 import threading
@@ -20,7 +20,7 @@ from instrument.devices import Digitizer, DigitizerError, usual_settings
 from instrument.files import FolderLock, RecordingError, disk_free_bytes, one_line
 from instrument.live import Overwritten
 
-MOST_UNSAVED = 4  # shots only in memory; no further shot is taken before these are saved
+MOST_UNSAVED = 4  # shots that are only in memory; no further shot is taken until one is saved
 _DISK_RESERVE_BYTES = 64 * 2**20
 _ORDERS_S = 0.02
 
@@ -41,7 +41,7 @@ class CaptureThread:
         say: Callable[[str], None],
     ) -> None:
         orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
-        self.orders = orders  # the callbacks hold the queue, not self: a reference cycle would keep the ring alive
+        self.orders = orders  # callbacks hold the queue, not self: a reference cycle would keep the ring in memory
         self.recorder = Recorder(lambda recorded: orders.put(("recorded", recorded)))
         self.finished = FinishedShots(analysis, lambda *made: orders.put(("analysed", made)))
         self.machine = machine
@@ -58,7 +58,7 @@ class CaptureThread:
         self._fire = False
         self._lock: FolderLock | None = None
         self._progress: tuple[int | None, ...] = ()  # samples of the shot received and written, steps of the analysis
-        self._awaited: int | None = None  # number of the shot whose analysis ends the state ANALYSING
+        self._awaited: int | None = None  # number of the shot whose analysis will end the state ANALYSING
         self.thread = threading.Thread(target=self._main, name="levimass capture", daemon=True)
 
     def take_orders(self) -> None:
@@ -103,7 +103,7 @@ class CaptureThread:
         except RecordingError as error:
             self.folder_problem = str(error)
             self._fail(str(error), "choose another folder, then arm again")
-        except Exception as error:  # a bug in a driver ends a shot, never silently the session
+        except Exception as error:  # a driver fault ends a shot and is reported; it must not end the session
             self._fail(f"unexpected: {one_line(repr(error))}", "arm again; report this if it happens again")
 
     def _turn(self) -> None:
@@ -119,7 +119,7 @@ class CaptureThread:
                 return
 
     def _look_for_progress(self) -> None:
-        """Restart the deadline whenever something progressed: a long shot, a slow disk, an analysis that compiles."""
+        """Restart the deadline after progress in receiving, writing or analysing a shot."""
         shot, analysis = self.shot, self.finished.analysis
         now = getattr(shot, "filled", None), getattr(shot, "written", None), getattr(analysis, "steps", None)
         if now != self._progress:
@@ -197,7 +197,7 @@ class CaptureThread:
         self.folder_problem = None
 
     def _watch(self) -> None:
-        """Start the stream before arming, so that the signals are seen, if the digitizer streams without end."""
+        """Start an endless stream before arming, so that its signals can be checked."""
         able = self._digitizer.capabilities
         if able.max_samples is not None or able.hardware_trigger:
             return
@@ -206,7 +206,7 @@ class CaptureThread:
             self.run.start(settings, self.options)
 
     def _stop_unless_wanted(self) -> None:
-        """Stop the digitizer, unless its stream goes on after a shot: its signals are watched."""
+        """Stop the digitizer, unless its stream is endless: its signals are still checked."""
         if self.machine.status.state is State.FAULT or not self.run.endless:
             self._quietly_stop()
 
@@ -259,13 +259,13 @@ class CaptureThread:
         if step is not None:
             self._begin_shot(block, block.first + step)
         elif self.run.hardware_trigger:
-            # the device sends from the shot's first sample on; it may report later where the trigger was
+            # the device sends the shot from its first sample on, and may report the trigger's place later
             self._begin_shot(block, stream.start + stream.settings.pre_trigger_samples)
         elif self._fire:
             self._begin_shot(block, block.first + len(block.counts) - 1)
 
     def _begin_shot(self, block: ReadBlock, at: int) -> None:
-        """Begin a shot whose trigger is the sample ``at`` of the ring, with what the ring holds of it."""
+        """Begin a shot triggered at sample ``at`` of the ring, with the samples that the ring holds of it."""
         stream = self.run.stream
         assert stream is not None
         settings, ring = stream.settings, stream.ring

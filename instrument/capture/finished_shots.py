@@ -1,4 +1,4 @@
-"""The shots of this session after their capture: saved or kept in memory, and analysed."""
+"""The captured shots of this session: whether saved or only in memory, and their analysis."""
 
 import threading
 from dataclasses import replace
@@ -67,7 +67,7 @@ class FinishedShots:
             self.newest = tuple(replace(done, shot=shot) if done.index == index else done for done in self.newest)
 
     def save_pending(self, folder: Path) -> list[Path]:
-        """Save the shots that are only in memory; PartlySaved at the first that cannot be saved."""
+        """Save the shots that are only in memory.  Raises PartlySaved at the first that cannot be saved."""
         saved: dict[str, Path] = {}
         with self._saving:
             for name, recorded in list(self._unsaved.items()):

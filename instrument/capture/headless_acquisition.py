@@ -18,7 +18,7 @@ RESCUED = "levimass-rescued"  # a folder in the user's home, or with the tempora
 
 
 class AcquireError(Exception):
-    """Why the recording of shots ended, in one line; ``saved`` are the recordings made before."""
+    """The reason why recording ended, in one line; ``saved`` are the recordings made before."""
 
     def __init__(self, what: str, saved: list[Path]) -> None:
         super().__init__(what)
@@ -26,7 +26,7 @@ class AcquireError(Exception):
 
 
 class _Failed(Exception):
-    """Why no further shot comes, in one line."""
+    """The reason why no further shot comes, in one line."""
 
 
 def acquire(
@@ -68,7 +68,7 @@ def acquire(
                 cut = f" ({shot.problem})" if shot.problem else ""
                 report(f"shot {number + 1} of {shots}: {shot.path}{cut}")
     except _Failed as failed:
-        now = capture.latest()  # closed: a shot that was under way is saved by now, or only in memory
+        now = capture.latest()  # after close: a shot in progress is saved, or only in memory
         saved += [shot.path for shot in now.finished if shot.path is not None and shot.path not in saved]
         what = f"{now.message}: {_rescued(capture)}" if now.unsaved else str(failed)
         raise AcquireError(what, saved) from None

@@ -1,4 +1,4 @@
-"""A shot while its samples are received, and the thread that writes it to disk meanwhile."""
+"""A shot while its samples arrive, and the thread that writes them to disk at the same time."""
 
 import queue
 import re
@@ -24,10 +24,10 @@ from instrument.files import (
 )
 from instrument.trigger import middle_of_step
 
-_LOOK_S = 0.02  # between two looks for new samples
+_LOOK_S = 0.02  # between two checks for new samples
 _MOST_NAMES = 100_000
 _LEVEL_REACH_S = 50e-6  # distance from the step at which the light switch's two levels are measured
-_ENOUGH = 0.9  # of the samples after the trigger: a shot with fewer counts as cut short
+_ENOUGH = 0.9  # share of the samples after the trigger below which a shot counts as cut short
 
 
 @dataclass(slots=True)
@@ -47,7 +47,7 @@ class GrowingShot:
     unseen_loss_s: float = 0.0  # a loss shorter than this may go unnoticed
     doubtful_rate_hz: float | None = None  # the rate by the computer's clock, where it contradicts the stated one
     filled: int = 0
-    written: int = 0  # of them, already on disk
+    written: int = 0  # samples already on disk
     gaps: list[Gap] = field(default_factory=list)
     ended_early: str | None = None
     complete: bool = False
@@ -123,7 +123,7 @@ class GrowingShot:
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """A shot after its saving: ``recording`` is on disk, or only in memory if ``problem`` says why."""
+    """A shot after the attempt to save it: on disk, or only in memory for the reason ``problem``."""
 
     shot: GrowingShot
     recording: Recording
@@ -137,7 +137,7 @@ class Recorder:
     def __init__(self, done: Callable[[Recorded], None]) -> None:
         self._done = done
         self._waiting: queue.SimpleQueue[tuple[GrowingShot, Path] | None] = queue.SimpleQueue()
-        self._numbers: dict[Path, int] = {}  # of the last shot in each folder
+        self._numbers: dict[Path, int] = {}  # number of the last shot in each folder
         self._thread = threading.Thread(target=self._run, name="levimass recorder", daemon=True)
         self.start = self._thread.start
         self._ended = 0  # shots saved, or kept in memory
@@ -168,7 +168,7 @@ class Recorder:
             writer.trigger(shot.trigger_sample)
             gaps = 0
             while True:
-                complete = shot.complete  # read before ``filled``, which is final then
+                complete = shot.complete  # read first: once it is True, ``filled`` is final
                 if shot.filled > shot.written:
                     writer.append(shot.counts[shot.written : shot.filled])
                     shot.written = writer.samples
@@ -183,7 +183,7 @@ class Recorder:
             if shot.ended_early is not None:
                 writer.more(shot.extra)
             return Recorded(shot, read_recording(writer.close()), None)
-        except Exception as error:  # whatever the cause, the shot must not be lost
+        except Exception as error:  # for any cause, the shot must not be lost
             problem = str(error) if isinstance(error, RecordingError) else f"unexpected: {one_line(repr(error))}"
             if writer is not None:
                 writer.release()

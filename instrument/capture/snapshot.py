@@ -14,7 +14,7 @@ KEPT_IN_MEMORY = "the shot is kept in memory: save it to another folder"  # the 
 
 @dataclass(frozen=True, slots=True)
 class SignalLine:
-    """The checks before arming: beats there and unclipped, switch toggling, room on the disk."""
+    """The signals before arming: beats, clipping, light switch, disk space."""
 
     channels: tuple[ChannelSignal, ...] = ()
     switch_level: Level = Level.UNKNOWN
@@ -23,9 +23,9 @@ class SignalLine:
     disk_free_bytes: int | None = None
     folder: Path | None = None
     folder_problem: str | None = None
-    samples_lost: int = 0  # since the last arm; the device's own count
-    losses: int = 0  # how many times
-    samples_read: int = 0  # a channel, of the running stream
+    samples_lost: int = 0  # since the last arming, as the device counts them
+    losses: int = 0  # number of losses
+    samples_read: int = 0  # per channel, of the running stream
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,18 +35,18 @@ class FinishedShot:
     A shot may first appear with its readings and later, under the same index, with its fit.
     """
 
-    index: int  # rises by one a shot, from 1
+    index: int  # counts finished shots from 1
     name: str
     path: Path | None  # of the .sigmf-meta; None while it is only in memory
     settings: CaptureSettings
     shot: Shot | None
     problem: str | None = None  # why it was not saved or not analysed
-    fitted_later: bool = False  # True: the reader took the shot before, without its fit
+    fitted_later: bool = False  # True: this completes a shot reported earlier without its fit
 
 
 @dataclass(frozen=True, slots=True)
 class WaitingShot:
-    """A shot that was captured and is not analysed yet; ``number`` rises by one a capture, from 1."""
+    """A captured shot that is not analysed yet; ``number`` counts captures from 1."""
 
     number: int
     name: str
@@ -64,8 +64,8 @@ class Snapshot:
     remedy: str
     signal: SignalLine
     live: LiveView
-    doing: str | None = None  # what is in progress
-    progress: float | None = None  # of it, 0 to 1
+    doing: str | None = None  # the step in progress
+    progress: float | None = None  # of that step, 0 to 1
     waiting: tuple[WaitingShot, ...] = ()  # shots captured and not analysed yet, oldest first
     shots: int = 0  # captured since the start
     finished: tuple[FinishedShot, ...] = ()  # the newest ones, by rising index

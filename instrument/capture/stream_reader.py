@@ -1,4 +1,4 @@
-"""Reads a digitizer into the ring block by block: counts losses, finds the trigger, checks the sample rate."""
+"""Puts blocks of a digitizer into the ring; counts losses, finds the trigger, checks the sample rate."""
 
 import time
 from collections.abc import Callable
@@ -14,16 +14,16 @@ from instrument.live import DeliveredRate, Ring, Stream
 from instrument.trigger import Edge, Level, LightSwitch, MotionTrigger, TriggerSettings
 
 READ_TIMEOUT_S = 0.05
-STALL_S = 3.0  # without a sample from a running stream: the device has stopped
-TRIGGER_SPEED_M_PER_S = 0.05  # of a block that starts to move
-_RING_S = 0.5  # of the stream, for readers that lag
+STALL_S = 3.0  # without a sample, after which a running device counts as stopped
+TRIGGER_SPEED_M_PER_S = 0.05  # of the block, for the trigger without a light switch
+_RING_S = 0.5  # of the stream that the ring holds, for slow readers
 _MOST_RING_BYTES = 512 * 2**20
 _MOST_SHOT_BYTES = 2 * 2**30
 
 
 @dataclass(frozen=True, slots=True)
 class CaptureOptions:
-    """How shots are to be taken.  The folder must exist.
+    """How shots are taken.  The folder must exist.
 
     ``settings`` None: ``usual_settings`` of the digitizer; ``setup`` None: the digitizer's own.  The thresholds of the
     light switch are in V; None: learned from the signal.
@@ -60,8 +60,8 @@ class StreamReader:
         self._clock = clock
         self._switch: LightSwitch | None = None
         self._motion: MotionTrigger | None = None
-        self._received_s: float  # when the last samples came
-        self._delivered: DeliveredRate | None = None  # of a stream in real time
+        self._received_s: float  # time of the last samples
+        self._delivered: DeliveredRate | None = None  # for a real-time stream only
         self._block: int  # samples read at a time
         self._options: tuple[object, ...] = ()
         self.stream: Stream | None = None
@@ -73,12 +73,12 @@ class StreamReader:
 
     @property
     def switch_level(self) -> Level:
-        """Get the side the light switch is on."""
+        """Get the level of the light switch."""
         return self._switch.level if self._switch is not None else Level.UNKNOWN
 
     @property
     def toggles(self) -> int:
-        """Get how often the light switch changed since the stream began."""
+        """Get the number of changes of the light switch since the stream began."""
         return self._switch.toggles if self._switch is not None else 0
 
     @property
@@ -100,7 +100,7 @@ class StreamReader:
         return (low, high) if channel.volts_per_count > 0 else (high, low)
 
     def continues(self, settings: CaptureSettings, options: CaptureOptions) -> bool:
-        """Return whether the running stream serves these settings too, so that it need not be restarted."""
+        """Return whether the running stream can be used with these settings, without a restart."""
         stream = self.stream
         return (
             self.running
@@ -149,7 +149,7 @@ class StreamReader:
         self._received_s = self._clock()
 
     def read(self) -> ReadBlock | None:
-        """Return the next block, None where nothing came in time.  Raises DigitizerError."""
+        """Read the next block into the ring and return it, None if none came in time.  Raises DigitizerError."""
         stream = self.stream
         assert stream is not None
         ring = stream.ring
@@ -164,7 +164,7 @@ class StreamReader:
             return ReadBlock(view[:0], first, 0, None, block.ended, fired=True)
         if block.samples == 0 and not block.ended:
             if now < self._received_s:
-                self._received_s = now  # a clock that ran backwards must not hide a stall for long
+                self._received_s = now  # a clock set back must not hide a stall for long
             if not self.hardware_trigger and not self.simulated and now - self._received_s > STALL_S:
                 raise self._stalled()
             return None
@@ -206,7 +206,7 @@ class StreamReader:
         self._digitizer.stop()
 
     def _ring_for(self, settings: CaptureSettings, channels: int) -> Ring:
-        """Return the last stream's ring where it is as large as these settings need, and not far too large."""
+        """Return the last stream's ring if its size suits these settings, else a new one."""
         lag = max(round(_RING_S * settings.sample_rate_hz), 12 * self._block)
         most = max(_MOST_RING_BYTES // (2 * channels), settings.pre_trigger_samples + 8 * self._block)
         blocks = -(-min(settings.pre_trigger_samples + lag, most) // self._block)
@@ -218,7 +218,7 @@ class StreamReader:
 
 
 def check_settings(settings: CaptureSettings, channels: int) -> None:
-    """Refuse, as a DigitizerError, settings that no shot can be taken with."""
+    """Raise DigitizerError for settings with which no shot can be taken."""
     rate = settings.sample_rate_hz
     if not (0 < rate <= 1e12):
         raise DigitizerError(f"sample rate of {rate:g} Hz", "choose one of the digitizer's rates")
@@ -236,7 +236,7 @@ def check_settings(settings: CaptureSettings, channels: int) -> None:
 
 
 def _check_channels(able: Capabilities) -> None:
-    """Refuse, as a DigitizerError, channels whose scale no recording can hold."""
+    """Raise DigitizerError for channels whose scale no recording can store."""
     for channel in able.channels:
         if not (1e-30 < abs(channel.volts_per_count) < 1e6 and abs(channel.offset_v) < 1e9):
             raise DigitizerError(
@@ -251,7 +251,7 @@ def _stream_options(options: CaptureOptions) -> tuple[object, ...]:
 
 
 def _motion_trigger(able: Capabilities, settings: CaptureSettings, setup: Setup) -> MotionTrigger | None:
-    """Return the trigger of a device that has neither a light switch nor its own: the block starts to move."""
+    """Return the motion trigger, for a device with neither a light switch nor its own trigger."""
     columns = {channel.role: column for column, channel in enumerate(able.channels)}
     if Role.MEASUREMENT not in columns:
         return None

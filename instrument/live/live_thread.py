@@ -18,17 +18,17 @@ from instrument.live.ring import Overwritten, Ring, Stream
 from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
 from instrument.trigger import LightSwitch, MotionTrigger, TriggerSettings
 
-OUTPUT_HZ = 10e3  # points of the curves; a digitizer's rate gives one within a few percent
+OUTPUT_HZ = 10e3  # rate of the curves' points; a digitizer's rate allows it within a few percent
 WINDOW_S = 2.0
 RAW_SAMPLES = 2000
 _CHUNK = 1 << 19  # samples demodulated at a time: shorter ones cost more calls, longer ones leave the caches
-_EVERY_S = 0.1  # a curve that rolls is followed as well at ten pictures a second as at 30, for a third of the work
-_SIGNALS_EVERY_S = 0.2  # between two looks at the signals for the signal line: numbers that change faster are not read
+_EVERY_S = 0.1  # ten pictures a second are as readable as 30, for a third of the work
+_SIGNALS_EVERY_S = 0.2  # between two checks of the signals: faster changes cannot be read
 _DISK_EVERY_S = 1.0
-KEPT_S = 4.0  # of rest: enough to resolve motors a tenth of a hertz from the mains
-EVERY_S = 4.0  # of stream at rest between two readings of the site; less while little of it was seen
-AT_REST_M_PER_S = 2e-3  # a hand that holds the block moves it more slowly, one that pushes it faster
-_AVERAGED = 4  # points of the live curve that make one sample of rest
+KEPT_S = 4.0  # of rest kept: enough to resolve motors a tenth of a hertz from the mains
+EVERY_S = 4.0  # of rest between two readings of the site; less while fewer than KEPT_S are there
+AT_REST_M_PER_S = 2e-3  # a hand that holds the block moves it more slowly, a push faster
+_AVERAGED = 4  # points of the live curve averaged to one sample of rest
 _SWITCH_S = 2.6e-3  # from light switch to plate at a usual speed
 
 
@@ -45,15 +45,15 @@ class LiveThread:
         self._stream: Stream | None = None
         self._demodulator: LiveDemodulator | None = None
         self._rest: RestWatch | None = None
-        self._at: int  # ring number of the next sample; of the stream, as the next three
+        self._at: int  # ring number of the next sample
         self._gaps_seen: int
-        self._unwatched = False  # at the last look
+        self._unwatched = False  # whether the curves were out of view at the last check
         self._problem: str | None = None
         self._most: int  # samples demodulated at a time
         self._signals_s: float
         self._disk_s = -np.inf
         self.skipped: int
-        self.watched = True  # whether somebody looks: else the stream is only checked, and nothing is demodulated
+        self.watched = True  # whether the curves are in view; otherwise signals are checked, but nothing is demodulated
         self.view = empty_view()
         self.channels: tuple[ChannelSignal, ...] = ()
         self.disk_free_bytes: int | None = None
@@ -70,12 +70,12 @@ class LiveThread:
             begun = time.monotonic()
             try:
                 self._look(begun)
-            except Exception as error:  # a failing picture must not end the capture
+            except Exception as error:  # a failure of the live curves must not end the capture
                 self._problem = f"the live picture failed: {one_line(repr(error))}"
                 self._demodulator = None
                 self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), self._problem, 0)
             every_s = _EVERY_S if self.watched else _SIGNALS_EVERY_S
-            # however long a look takes, the capture gets the interpreter in between
+            # leaves the interpreter to the capture between checks, however long they take
             self._ending.wait(max(0.002, every_s - (time.monotonic() - begun)))
 
     def _look(self, now: float) -> None:
@@ -153,13 +153,13 @@ class LiveThread:
         return moved
 
     def _feed(self, ring: Ring, most: int) -> int:
-        """Demodulate at most ``most`` samples where they are in the ring; return how many.  Raises Overwritten."""
+        """Demodulate at most ``most`` samples in place in the ring; return their number.  Raises Overwritten."""
         assert self._demodulator is not None and self._stream is not None
         if most == 0:
             return 0
         counts = ring.view(self._at, most)
         chunk = self._demodulator.feed(counts)
-        if self._at < ring.oldest:  # the writer replaced some of them meanwhile
+        if self._at < ring.oldest:  # the writer replaced some of them in the meantime
             self.skipped += counts.shape[0]
             self._at += counts.shape[0]
             self._demodulator.gap(0)
@@ -198,7 +198,7 @@ class LiveThread:
 
 
 def warm() -> None:
-    """Compile or load the kernels that a running stream needs, before its first samples come."""
+    """Compile or load the kernels of a running stream before its first samples."""
     rate = 1e6
     counts = np.resize(np.array([0, 951, 588, -588, -951], np.int16), (2, 8192)).T.copy()
     LightSwitch(TriggerSettings(), 0, 12).first_step(counts)
@@ -211,7 +211,7 @@ def warm() -> None:
 class RestWatch:
     """Measures the motion of the site from a live curve of ``rate_hz`` while the block is at rest.
 
-    ``floor`` is the newest reading, None before the first one.
+    ``floor`` is the newest result, None before the first one.
     """
 
     def __init__(self, rate_hz: float, planned: PlannedShot) -> None:

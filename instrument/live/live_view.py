@@ -1,4 +1,4 @@
-"""What the screen shows of a running stream: the live curves of its last seconds and the signal of each channel."""
+"""The live curves of a running stream's last seconds and the signal of each channel, for the screen."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -43,7 +43,7 @@ class LiveView:
     raw_time_s: Floats
     raw_v: NDArray[np.float32]
     problem: str | None = None  # why nothing can be shown
-    skipped: int = 0  # samples left out on the screen; recordings have them
+    skipped: int = 0  # samples left out on the screen; recordings contain them
     floor: SiteFloor | None = None  # motion of the site while the block was last at rest
 
 
@@ -64,7 +64,7 @@ class LiveWindow:
 
     def clear(self) -> None:
         self._values = np.empty((4, 0))
-        self._dropped = 0  # points before the first one kept: bins keep their places
+        self._dropped = 0  # points before the first one kept, so that bins keep their places
 
     def add(self, chunk: "LiveChunk") -> None:
         """Append a chunk's points."""

@@ -1,4 +1,4 @@
-"""The ring that holds the newest samples of a running digitizer, in memory allocated once, and the stream in it."""
+"""The ring buffer of a running digitizer's newest samples, allocated once, and the stream in it."""
 
 from dataclasses import dataclass, field
 
@@ -17,7 +17,7 @@ class Ring:
     """A ring of int16 counts, shape (capacity, channels): one thread writes, any thread copies out.
 
     Samples are numbered from 0 over the life of the ring.  The writer lets a digitizer fill the ring in place
-    (``space``, then ``commit``); readers get copies, and never a sample that is being replaced.
+    (``space``, then ``commit``); readers get copies, never of a sample that is being replaced.
     """
 
     def __init__(self, capacity: int, channels: int) -> None:
@@ -38,7 +38,7 @@ class Ring:
 
     @property
     def total(self) -> int:
-        """Get the number of samples ever written, which is one more than the newest one's number."""
+        """Get the number of samples written so far: the newest sample's number plus one."""
         return self._total
 
     @property
@@ -47,7 +47,7 @@ class Ring:
         return max(0, self._claimed - self.capacity)
 
     def space(self, most: int) -> NDArray[np.int16]:
-        """Return a contiguous view of at most ``most`` samples to be filled next; the samples in it are lost."""
+        """Return a contiguous view of at most ``most`` samples to be filled next; its old samples are lost."""
         start = self._total % self.capacity
         length = min(most, self.capacity - start)
         self._claimed = self._total + length
@@ -80,7 +80,7 @@ class Ring:
     def view(self, start: int, most: int) -> NDArray[np.int16]:
         """Return samples ``start`` ... in place, as many as follow without a wrap, at most ``most``; read-only.
 
-        They are good if ``start`` is not before ``oldest`` once they have been used.  Raises as ``copy_into``.
+        They are valid if ``start`` is still not before ``oldest`` after their use.  Raises as ``copy_into``.
         """
         if start < 0 or start >= self._total:
             raise ValueError(f"sample {start} of {self._total}")
@@ -124,8 +124,8 @@ class Stream:
 
 
 LEAST_S = 1.0  # of stream before the rate is judged
-LATE_S = 0.3  # by which a device and its driver may be late or early
-RATE_TOLERANCE = 5e-4  # beyond the errors of any crystal and of the computer's clock
+LATE_S = 0.3  # deviation in time allowed to a device and its driver
+RATE_TOLERANCE = 5e-4  # relative; larger than the errors of any crystal and of the computer's clock
 
 
 @dataclass(slots=True)
@@ -141,9 +141,9 @@ class DeliveredRate:
     _samples: int = 0
 
     def add(self, samples: int, lost: int | None, now_s: float, *, waits: bool) -> None:
-        """Count a block that came at ``now_s`` with ``lost`` samples missing before it (None: unknown; start again).
+        """Count a block received at ``now_s``, ``lost`` samples missing before it (None: unknown; start again).
 
-        ``waits``: more samples wait to be fetched, so the computer is late, not the device, and the rate is not judged.
+        ``waits``: more samples are ready to be fetched, so the computer is late, and the rate is not judged.
         """
         if lost is None or self._begun_s is None or now_s < self._begun_s:
             self._begun_s, self._samples = now_s, 0

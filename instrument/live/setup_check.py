@@ -1,4 +1,4 @@
-"""Checks of the guided set-up: is each beat there, strong and unclipped, and does the light switch toggle.
+"""Checks of the guided set-up: each beat is there, strong and unclipped; the light switch toggles.
 
 The window judges the running stream; ``try_signals`` does the same without a screen.
 """
@@ -22,12 +22,12 @@ WEAK_SNR_DB = 15.0  # below, phase noise makes single cycles slip
 SMALL_SHARE = 0.05  # of the range: below, the converter's steps dominate the noise
 CLIPPED_SHARE = 0.01
 NYQUIST_SHARE = 0.4
-SAME_BEAT_HZ = 20e3  # a block that a hand holds moves the beat by less
+SAME_BEAT_HZ = 20e3  # a block held by hand shifts the beat by less
 WATCHED_S = 3.0  # time to pass the block through the light switch by hand
 TRIGGER_WAIT_S = 20.0
 _BLOCK = 1 << 17
 _TIMEOUT_S = 0.05
-_EARLIER_LOOKS = 4  # before the newest one
+_EARLIER_LOOKS = 4  # measurements kept before the newest one
 
 
 def judge(
@@ -50,7 +50,7 @@ def judge(
 
 
 def judge_site(floor: SiteFloor) -> Check:
-    """Judge the motion of the site: the expected uncertainty of the next COR, and the first advice to lower it."""
+    """Judge the vibration of the site: expected uncertainty of the next COR, and the first advice to reduce it."""
     meets = f"meets {floor.criterion}" if floor.criterion else "meets no vibration criterion"
     line = f"{meets}; expected u(COR) {floor.cor_std:.1g}"
     if floor.advice:
@@ -115,8 +115,8 @@ def try_signals(
 ) -> tuple[Check, ...]:
     """Check the signals of an opened digitizer, the block at rest.
 
-    A stream is watched for ``seconds`` from its first samples on, for which it has as long; the light switch's changes
-    are counted.  A device with a hardware trigger is checked by one shot, for which it has TRIGGER_WAIT_S.  Raises
+    A stream is watched for ``seconds`` after its first samples, which must come within the same time; changes of the
+    light switch are counted.  A device with a hardware trigger is checked by one shot within TRIGGER_WAIT_S.  Raises
     DigitizerError; stops the digitizer.
     """
     able = digitizer.capabilities
@@ -159,13 +159,13 @@ def try_signals(
     latest = next(judged)
     if all(check.grade is Grade.OK for check in latest) or any(check.grade is Grade.FAIL for check in latest):
         return latest
-    # a block that is passing the switch is not at rest: use an earlier look in which it was
+    # a block passing the switch is not at rest: use an earlier measurement at rest
     return next((checks for checks in judged if all(check.grade is Grade.OK for check in checks)), latest)
 
 
 CHECKED_SAMPLES = 8192
 _LINE_HALF_WIDTH = 4  # bins that one line of the Hann window takes
-_LINE_BELOW_NOISE_DB = 3.0  # least line, below all noise together: the greatest of 4096 noise lines is 20 dB lower
+_LINE_BELOW_NOISE_DB = 3.0  # the weakest line, below the total noise; the greatest of 4096 noise lines is 20 dB lower
 
 
 def check_signals(
@@ -189,7 +189,7 @@ def check_signals(
 def _strongest_line(values: NDArray[np.float64], sample_rate_hz: float) -> tuple[float | None, float | None]:
     """Return frequency in Hz and power over all other power in dB of the strongest line of values (n,).
 
-    None where it is noise.
+    None if it is noise.
     """
     spectrum = np.fft.rfft(values * np.hanning(values.size))
     power = spectrum.real**2 + spectrum.imag**2
@@ -204,7 +204,7 @@ def _strongest_line(values: NDArray[np.float64], sample_rate_hz: float) -> tuple
         return None, None
     offset = 0.0
     around = power[peak - 1 : peak + 2]
-    if around.size == 3 and around.min() > 0.0:  # the peak is the first of the highest: above its left neighbour
+    if around.size == 3 and around.min() > 0.0:  # the peak is the first maximum, so it exceeds its left neighbour
         left, middle, right = np.log(around)
         offset = 0.5 * (left - right) / (left - 2 * middle + right)
     return float((peak + offset) * (sample_rate_hz / values.size)), float(snr)

@@ -1,6 +1,6 @@
-"""The device's process: it opens the digitizer, fills the shared ring, carries out orders, and ends with its parent.
+"""The child process of a device: opens the digitizer, fills the shared ring, executes orders, ends with its parent.
 
-The messages between both: orders one way, answers and blocks the other.
+Also the messages between both processes: orders to the child, answers and blocks to the parent.
 """
 
 import contextlib
@@ -23,9 +23,9 @@ from instrument.process.shared_ring import SharedRing
 
 Opener = Callable[[], Digitizer]
 
-STARTED, OPENED = range(2)  # serial numbers of the two answers that no order asked for; the orders follow
+STARTED, OPENED = range(2)  # serial numbers of the two answers without an order; the orders follow
 READ_TIMEOUT_S = 0.05
-_END_S = 3.0  # a driver that blocks for longer than this after the parent's end is abandoned
+_END_S = 3.0  # a driver that blocks for longer after the parent's end is abandoned
 _RING_FULL_S = 0.002
 _BELOW_NORMAL = 0x4000  # BELOW_NORMAL_PRIORITY_CLASS of SetPriorityClass
 
@@ -51,7 +51,7 @@ class DeviceState:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The answer to the order ``serial``; ``blocks`` of the ring were announced so far."""
+    """The answer to the order ``serial``; ``blocks`` is the number of blocks announced so far."""
 
     serial: int
     device: DeviceState | None
@@ -62,7 +62,7 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class BlockReady:
-    """A block in the ring, or a fault instead of one, of the stream that the order ``run`` began."""
+    """A block in the ring, or a fault in its place, of the stream that the order ``run`` began."""
 
     run: int
     first: int
@@ -72,7 +72,7 @@ class BlockReady:
 
 
 def most_blocks(system: str) -> int:
-    """Return how many announced blocks may be unread on a system (``sys.platform``): as many as its pipe holds."""
+    """Return how many announced blocks may be unread on a system (``sys.platform``): the capacity of its pipe."""
     return 200 if system == "linux" else 40  # Windows: 8 KiB, macOS: 16, Linux: 64
 
 
@@ -94,7 +94,7 @@ def serve(opener: Opener, orders: Connection, answers: Connection) -> None:
 
 
 class _Child:
-    """Two threads: one receives orders, so that ``stop`` reaches a driver that is reading; the other does the rest."""
+    """Two threads: one receives orders, so that ``stop`` reaches a reading driver; the other does all other work."""
 
     def __init__(self, digitizer: Digitizer, orders: Connection, answers: Connection) -> None:
         self._digitizer = digitizer
@@ -115,7 +115,7 @@ class _Child:
         try:
             device = self._device_state()
             if device.capabilities is not None and device.capabilities.simulated:
-                lower_priority(5)  # a simulated device must not slow the screen; a real one uses no processor time
+                lower_priority(5)  # a simulated device must not slow the screen; a real one needs little processor time
             self._answers.send(Answer(OPENED, device))
             while not self._ending.is_set():
                 self._turn()
@@ -161,7 +161,7 @@ class _Child:
         try:
             if order.kind == "prepare":
                 self._digitizer.prepare()
-                gc.freeze()  # what is loaded by now is never freed: the garbage collector need not search it
+                gc.freeze()  # objects loaded so far are never freed: the garbage collector skips them
             elif order.kind == "defaults":
                 settings = self._digitizer.default_settings()
             elif order.kind == "arm":
@@ -180,13 +180,13 @@ class _Child:
             self._at = self._blocks = 0
         ring = self._ring
         assert ring is not None
-        ring.mark_read(self._at, self._blocks)  # nobody reads the rest of the previous stream
-        gc.collect()  # now, when nothing waits for it
+        ring.mark_read(self._at, self._blocks)  # the rest of the previous stream is never read
+        gc.collect()  # now, when no message waits
         self._length = min(block_samples(order.settings.sample_rate_hz), ring.capacity)
         self._digitizer.arm(order.settings)
         self._run = order.serial
         if self._stopped > order.serial:
-            self._digitizer.stop()  # the order to stop came while the device was being armed
+            self._digitizer.stop()  # the order to stop came during arming
 
     def _read(self) -> None:
         ring, run = self._ring, self._run
@@ -194,8 +194,8 @@ class _Child:
         ring.beat()
         view = ring.view(self._at, self._length)
         if ring.room(self._at) < view.shape[0] or self._blocks - ring.blocks_read >= MOST_BLOCKS:
-            # the parent lags by a whole ring: now the device's own memory fills, and the device reports what it
-            # loses, as with any reader that is too slow
+            # the parent lags by a whole ring: the device's own memory fills, and the device reports its losses,
+            # as for any slow reader
             time.sleep(_RING_FULL_S)
             if self._stopped > run:
                 self._run = None

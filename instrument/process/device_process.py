@@ -40,7 +40,7 @@ class DeviceProcess:
             self._process.start()
         except (OSError, ValueError) as error:
             raise DigitizerError(f"the digitizer's process did not start: {error}", "close other programs") from error
-        child_orders.close()  # only the child holds them now, so that its end closes the pipe
+        child_orders.close()  # now only the child holds these ends, so its end closes the pipe
         child_answers.close()
         self.child_id = self._process.pid
         try:
@@ -56,11 +56,11 @@ class DeviceProcess:
         device = self._device
         assert device is not None
         if device.fault is not None:
-            raise device.fault.with_traceback(None)  # each time anew
+            raise device.fault.with_traceback(None)  # may be raised repeatedly
         return device
 
     def send(self, kind: str, settings: CaptureSettings | None = None, ring: tuple[str, int, int] | None = None) -> int:
-        """Send an order and return its number; from any thread."""
+        """Send an order and return its serial number; from any thread."""
         with self._sending:
             if self.over:
                 raise DigitizerError("the digitizer's process is gone", _REMEDY)

@@ -1,4 +1,4 @@
-"""Counts in memory that two processes see: one writes them, the other copies them out and says how far it got."""
+"""A ring of counts in shared memory: one process writes, the other copies out and reports how far it has read."""
 
 import contextlib
 import os
@@ -12,7 +12,7 @@ from instrument.devices import DigitizerError
 
 _HEADER_BYTES = 64
 _READ, _BLOCKS, _BEATS = _COUNTERS = range(3)
-_FILES = Path("/dev/shm")  # where Linux keeps such memory
+_FILES = Path("/dev/shm")  # shared memory on Linux
 
 
 class SharedRing:
@@ -103,7 +103,7 @@ class SharedRing:
 
 
 def _reserve(name: str, size: int) -> None:
-    """Allocate the memory now: without this, Linux kills a process that touches memory the system does not have."""
+    """Allocate the memory now; otherwise Linux kills a process that touches memory which is not available."""
     file = _FILES / name.lstrip("/")
     if not (hasattr(os, "posix_fallocate") and file.exists()):
         return

@@ -1,8 +1,8 @@
 """A digitizer in a subprocess, behind the same contract as any digitizer.
 
-The child process has its own interpreter and a ring of a second or more, so the device is read in time whatever the
-window or an analysis does.  If the parent lags by the whole ring, the child waits, the device's own memory fills, and
-the device reports what it lost, which is recorded as a gap.
+The child process has its own interpreter and a ring of a second or more, so the device is read in time even if the
+window or an analysis is busy.  If the parent lags by the whole ring, the child waits, the device's own memory fills,
+and the device reports what it lost, which is recorded as a gap.
 """
 
 import contextlib
@@ -28,10 +28,10 @@ from instrument.process.child import BlockReady, Opener
 from instrument.process.device_process import DeviceProcess
 from instrument.process.shared_ring import SharedRing
 
-RING_S = 1.5  # of the stream, for a parent that lags
+RING_S = 1.5  # of the stream that the ring holds, for a slow parent
 SIMULATED_RING_S = 0.5  # the same for a simulated device, which waits and loses nothing
 MOST_RING_BYTES = 320 * 2**20
-MOST_TRANSFER_BYTES = 32 * 2**20  # for a device that keeps the shot until it is read
+MOST_TRANSFER_BYTES = 32 * 2**20  # ring of a device that keeps the shot until it is read
 ANSWER_S = 5.0  # a driver that blocks the child for longer does not answer
 SIMULATED_ANSWER_S = 60.0  # the same for a simulated device, which a busy computer delays
 ARM_S = 60.0  # to open or arm a device: firmware may have to be loaded
@@ -42,7 +42,7 @@ def open_in_subprocess(source: str, *, arm_s: float = ARM_S) -> Digitizer:
     """Open the digitizer that ``source`` names, as ``open_source`` does, in a subprocess.
 
     A device that takes longer than ``arm_s`` to open or to arm does not answer; the bench may take longer.
-    A replay is opened in this process: it waits for its reader and can lose nothing.
+    A replay is opened in this process, because it waits for its reader and loses nothing.
     """
     kind = source_of(source)
     if not kind.in_subprocess:
@@ -65,7 +65,7 @@ class SubprocessDigitizer(Digitizer):
         self._ring: SharedRing | None = None
         self._run: int | None = None
         self._block: BlockReady | None = None  # partly read
-        self._read_of_block: int  # samples
+        self._read_of_block: int  # samples already read
         self._blocks: int  # these three of the stream that was armed last
         self._beats: int | None  # None: not seen yet
         self._alive_s: float

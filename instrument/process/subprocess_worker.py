@@ -36,7 +36,7 @@ def _read_only(values: dict[Any, Any]) -> Mapping[Any, Any]:
     return MappingProxyType(values)
 
 
-# the class of such a view has no name under which another process would find it: a function makes it there
+# a mapping view's class cannot be pickled by name, so a function rebuilds the view in the other process
 ForkingPickler.register(MappingProxyType, lambda view: (_read_only, (dict(view),)))
 
 
@@ -48,7 +48,7 @@ class _Task:
 
 @dataclass(frozen=True, slots=True)
 class _Report:
-    """The progress of the task ``number``, or its end; of none: the child is ready."""
+    """Progress or end of the task ``number``; without a number: the child is ready."""
 
     number: int | None
     progress: tuple[str, float] | None = None
@@ -158,7 +158,7 @@ class SubprocessWorker:
             process, self._process = self._process, None
             tasks, self._tasks = self._tasks, None
             if tasks is not None:
-                tasks.close()  # on which the child ends
+                tasks.close()  # the child then ends
             if process is not None:
                 if patience_s is not None:
                     process.join(patience_s)
@@ -193,7 +193,7 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, reports: Connec
     if warm is not None:
         with contextlib.suppress(Exception):  # kernels are then compiled at their first call
             warm()
-    gc.freeze()  # what is loaded by now is never freed
+    gc.freeze()  # objects loaded so far are never freed
     with contextlib.suppress(OSError):
         reports.send(_Report(None))
     while True:
@@ -206,7 +206,7 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, reports: Connec
         except Exception as error:  # a result that cannot be pickled must be reported
             reports.send(_Report(task.number, problem=f"the result could not be sent: {one_line(repr(error))}"))
         del task, report
-        gc.collect()  # now, when nobody waits for it
+        gc.collect()  # now, when no task waits
 
 
 def _run(task: _Task, reports: Connection, dropped: set[int]) -> _Report:
@@ -236,7 +236,7 @@ def _run(task: _Task, reports: Connection, dropped: set[int]) -> _Report:
 
 
 def _seal(value: object) -> None:
-    """Make the arrays of a task or result read-only again; pickling loses that."""
+    """Make the arrays of a task or result read-only again, because pickling does not keep that."""
     if isinstance(value, np.ndarray):
         value.flags.writeable = False
     elif isinstance(value, partial):

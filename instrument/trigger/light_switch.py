@@ -11,7 +11,7 @@ from analysis.shot import Channel
 
 
 class Edge(IntEnum):
-    """Which step of the light switch counts."""
+    """Which step of the light switch triggers."""
 
     RISING = 1
     FALLING = -1
@@ -19,7 +19,7 @@ class Edge(IntEnum):
 
 
 class Level(IntEnum):
-    """Which side of its thresholds the light switch was last seen on."""
+    """The side of its thresholds on which the light switch was last."""
 
     UNKNOWN = 0
     HIGH = 1
@@ -31,8 +31,8 @@ class TriggerSettings:
     """Which edge triggers, and the thresholds of the light switch.
 
     With ``low_counts`` and ``high_counts`` the level is high from ``high_counts`` on and low again at ``low_counts``
-    (hysteresis between).  Without them a step is a change from the extreme since the last step by twelve times the
-    noise of the first ``LEARNED_FROM`` samples, and at least by a twentieth of the digitizer's range.
+    (hysteresis between).  Without them a step is a change, from the extreme since the last step, by twelve times
+    the noise of the first ``LEARNED_FROM`` samples and at least a twentieth of the digitizer's range.
     """
 
     edge: Edge = Edge.EITHER
@@ -56,10 +56,10 @@ class TriggerSettings:
             raise ValueError("the light switch's low threshold must lie below its high one")
 
 
-LEARNED_FROM = 4096  # samples whose noise sets the swing
-_NOISES = 12.0  # in a minute at 30 MS/s noise reaches 6.3 sigma; its extremes differ by twice that
+LEARNED_FROM = 4096  # samples from whose noise the step size is learned
+_NOISES = 12.0  # a minute of noise at 30 MS/s reaches 6.3 sigma, so its extremes differ by twice that
 _RANGE_SHARE = 0.05
-_STRETCH = 1024  # samples that are passed over together if their extremes allow no step
+_STRETCH = 1024  # samples skipped together if their extremes exclude a step
 
 # indices into the state that is carried from block to block
 _SWING, _LOW, _HIGH, _LEVEL, _MINIMUM, _MAXIMUM, _SEEN, _PREVIOUS, _SQUARES, _EDGES = _STATE = range(10)
@@ -88,7 +88,7 @@ class LightSwitch:
 
     @property
     def moved_counts(self) -> float | None:
-        """Get the range of the switch's channel since its last step; None with given thresholds."""
+        """Get the range of the switch's channel since its last step; None if thresholds are given."""
         given = self._settings.low_counts is not None
         return None if given or not self._state[_SEEN] else float(self._state[_MAXIMUM] - self._state[_MINIMUM])
 
@@ -101,8 +101,8 @@ class LightSwitch:
     def thresholds_counts(self) -> tuple[float | None, float | None]:
         """Get the levels at which the next step down and the next step up would be found.
 
-        Where they are learned, they follow the extremes since the last step: None on the side that the switch is on,
-        and None for both before ``LEARNED_FROM`` samples.
+        Learned levels follow the extremes since the last step: None on the side where the switch is, and None for
+        both before ``LEARNED_FROM`` samples.
         """
         state = self._state.copy()  # another thread may advance it
         if self._settings.low_counts is not None:
@@ -116,7 +116,7 @@ class LightSwitch:
     def first_step(self, counts: NDArray[np.int16]) -> int | None:
         """Return the index of the first triggering step in a block (n, channels), or None.
 
-        The state advances over the whole block, whether a step is found or not.  About 0.25 ns a sample.
+        The state advances over the whole block, whether a step is found or not.  About 0.25 ns per sample.
         """
         found = _scan(np.ascontiguousarray(counts), self._column, int(self._settings.edge), self._least, self._state)
         return None if found < 0 else int(found)
@@ -126,7 +126,7 @@ class LightSwitch:
 def _scan(counts, column, edge, least, state):  # type: ignore[no-untyped-def]
     """Advance ``state`` over counts[:, column]; O(n), nothing allocated.
 
-    Almost every stretch has no step.  Its extremes say so, and cost a fifth of looking at its samples one by one.
+    Almost no stretch contains a step.  Its extremes show this at a fifth of the cost of checking every sample.
     """
     found = -1
     for begin in range(0, counts.shape[0], _STRETCH):
@@ -143,8 +143,8 @@ def _scan(counts, column, edge, least, state):  # type: ignore[no-untyped-def]
 def _extremes(counts, column):  # type: ignore[no-untyped-def]
     """Return the lowest and the highest of counts[:, column].
 
-    No branch, an unsigned counter and a known spacing: with one of them missing the loop is not vectorised, and costs
-    1 ns a sample instead of 0.25.
+    The loop vectorises only without branches, with an unsigned counter and a known spacing; otherwise it costs 1 ns per
+    sample instead of 0.25.
     """
     lowest = counts[0, column]
     highest = lowest
@@ -164,8 +164,8 @@ def _extremes(counts, column):  # type: ignore[no-untyped-def]
 def _passes(lowest, highest, state):  # type: ignore[no-untyped-def]
     """Return whether a stretch of samples with these extremes has no step; if so, advance ``state`` over it.
 
-    False if the stretch may have one, or if its noise is still to be learned.  What the state carries beside level and
-    extremes serves the learning alone.
+    False if the stretch may contain one, or if the noise is not learned yet.  Apart from level and extremes, the state
+    is used for learning only.
     """
     level = state[_LEVEL]
     if state[_LOW] == state[_LOW]:
@@ -212,7 +212,7 @@ def _first_step(counts, column, edge, least, state):  # type: ignore[no-untyped-
                 minimum = value
                 maximum = value
             if swing == 0.0:
-                # differences of neighbours measure the noise, whatever the level and the slope
+                # differences of neighbours measure the noise independently of level and slope
                 if seen > 0:
                     squares += (value - previous) ** 2
                 if seen == LEARNED_FROM:

@@ -1,14 +1,14 @@
-"""Trigger without a light switch: the block starts to move, so its beat leaves the rest frequency."""
+"""Trigger without a light switch: fires when the block starts to move, as its beat leaves the rest frequency."""
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-WINDOW_S = 0.5e-3  # over which a frequency is counted: it resolves 2 kHz, 0.6 mm/s
-_LEARNED_FROM = 20  # windows that give the rest frequency if neither PD0 nor a value does
+WINDOW_S = 0.5e-3  # window in which a frequency is counted: resolves 2 kHz, 0.6 mm/s
+_LEARNED_FROM = 20  # windows from which the rest frequency is learned, without PD0 and a given value
 _CONFIRMED_BY = 2  # windows in a row beyond the threshold
 
-# indices into the state: of the windows, then six for each of the two channels
+# indices into the state: those of the windows, then six for each of the two channels
 _POSITION, _WINDOWS, _REST, _QUIET, _BEYOND, _SEEN = _OF_WINDOWS = range(6)
 _MEAN, _LEVEL, _SIDE, _CROSSINGS, _SUM, _SQUARES = _OF_CHANNEL = range(6)
 _CHANNEL = len(_OF_WINDOWS)
@@ -16,7 +16,7 @@ _PER_CHANNEL = len(_OF_CHANNEL)
 
 
 class MotionTrigger:
-    """Fires when a block at rest starts to move faster than ``speed_m_per_s``, whatever the lengths of the blocks.
+    """Fires when the block exceeds ``speed_m_per_s`` from rest; the result does not depend on the block lengths.
 
     Frequencies are counted at crossings of the mean, with hysteresis, in windows of ``WINDOW_S``.  The rest frequency
     is PD0's, or ``rest_frequency_hz``, or the beat's in the first 10 ms.

@@ -1,4 +1,4 @@
-"""From a digitizer's samples to saved shots: read, trigger, ARM, record, analyse."""
+"""From a digitizer's samples to saved shots: read the stream, trigger, ARM, record, analyse."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""The running stream of a digitizer: its ring, the curves on the screen, the checks of a set-up."""
+"""The running stream of a digitizer: its ring buffer, the live curves, the checks of the set-up."""
 
 import lazy_loader
 

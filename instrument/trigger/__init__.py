@@ -1,4 +1,4 @@
-"""Where a shot begins in a stream of counts: a step of the light switch, or the block that starts to move."""
+"""Triggers: find the start of a shot in a stream of counts, by the light switch or by the motion of the block."""
 
 import lazy_loader
 

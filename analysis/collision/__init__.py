@@ -1,4 +1,4 @@
-"""The equations of motion of a collision, with effects and laws, and their exact solution."""
+"""The equations of motion of a collision with effects and laws, and their exact solution."""
 
 import lazy_loader
 

@@ -1,7 +1,7 @@
-"""The mechanical effects of one shot with their values, laid out for the solver's kernels, and their fastest rates.
+"""Lay out the mechanical effects of one shot for the solver's kernels, and find their fastest rates.
 
-A vibration runs on the recording's clock, so its phase at the first touch depends on the touch time and, as the plate
-responds to it, on the plate's stiffness and mass.
+A frame vibration runs on the recording's clock.  Its phase at the first touch depends on the touch time, and the
+plate's response to it on the plate's stiffness and mass.
 """
 
 import math
@@ -15,35 +15,35 @@ from analysis.collision.effects.row import Acts, Effect
 from analysis.collision.parameters import KERNEL_ORDER, Collision, Floats
 from analysis.collision.system import SLOT_COLUMNS, SLOT_PARAMETERS, System
 
-_STEP = 1e-40  # of a complex step
+_STEP = 1e-40  # size of a complex step
 _PLATE = KERNEL_ORDER[:2]  # stiffness and mass
-_MOST_PARAMETERS = 4096  # of one effect
+_MOST_PARAMETERS = 4096  # upper limit for one effect
 
 
 @dataclass(frozen=True, slots=True)
 class Active:
-    """An effect with the values of its parameters in the row's order, or the result of ``clocked`` for them."""
+    """An effect with its parameter values in the row's order, or with the result of ``clocked`` for them."""
 
     effect: Effect
     values: tuple[float, ...]
 
 
 def direction(slot: int, place: int) -> int:
-    """Return the number by which a derivative by the ``place``-th parameter of the effect in ``slot`` is requested."""
+    """Return the number that requests the derivative with respect to parameter ``place`` of the effect in ``slot``."""
     return SLOT_PARAMETERS + _MOST_PARAMETERS * slot + place
 
 
 def _place(direction: int, begins: Sequence[int]) -> int:
-    """Return the index in ``p`` of the parameter of a direction; -1: none."""
+    """Return the index in ``p`` of a direction's parameter; -1 (no parameter) stays -1."""
     slot, place = divmod(direction - SLOT_PARAMETERS, _MOST_PARAMETERS)
     return direction if direction < SLOT_PARAMETERS else begins[slot] + place
 
 
 def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int]) -> System:
-    """Lay out a collision with mechanical effects, and derivatives by ``which``.
+    """Lay out a collision with mechanical effects, for derivatives with respect to the parameters ``which``.
 
-    Those are places in ``KERNEL_ORDER``, -1 for none, or the ``direction`` of an effect's parameter.  Raises ValueError
-    for an effect that does not act on the motion.
+    Each of ``which`` is an index into ``KERNEL_ORDER``, -1 for none, or the ``direction`` of an effect's parameter.
+    Raises ValueError if an effect does not act on the motion.
     """
     count, first, hidden = len(effects), SLOT_PARAMETERS, 0
     begins, values = [], list(collision.vector)
@@ -68,7 +68,7 @@ def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int
 
 
 def function_of(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:
-    """Return the function of an effect on a collision, and where it acts.  Raises ValueError if it does not act."""
+    """Return an effect's function for this collision, and where it acts.  Raises ValueError if it does not act."""
     if row.kernel is None:
         raise ValueError(f"{row.name} does not act on the motion")
     if row.locked is not None and math.isinf(collision.plate_mass_kg):
@@ -80,7 +80,7 @@ def function_of(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:
 class FastestRates:
     """The fastest rates in rad/s: of the bodies in ``contact``, of the ``plate`` alone, and of the effects.
 
-    ``every`` is the fastest of all effects, ``inside`` that of effects on the block, which go on after the release.
+    ``every`` is the fastest of all effects, ``inside`` that of effects on the block, which continue after the release.
     """
 
     contact: float
@@ -90,7 +90,7 @@ class FastestRates:
 
     @property
     def of_modes(self) -> tuple[float, float, float, float]:
-        """Get the fastest rates in contact, apart, after the block has gone, and before the touch."""
+        """Get the fastest rates in contact, apart, after the block has left for good, and before the touch."""
         return math.hypot(self.contact, self.every), math.hypot(self.plate, self.every), self.inside, 0.0
 
 
@@ -114,7 +114,7 @@ def fastest_rates(collision: Collision, effects: Sequence[Active]) -> FastestRat
 
 @dataclass(frozen=True, slots=True)
 class ChainRule:
-    """How the three values given to a kernel depend on parameters: their ``names``, and the derivatives, (3, n)."""
+    """The derivatives ``slopes``, shape (3, n), of a kernel's three values with respect to the parameters ``names``."""
 
     slot: int
     names: tuple[str, ...]
@@ -124,7 +124,7 @@ class ChainRule:
 def active_effects(
     rows: Sequence[Effect], values: Mapping[Effect, Mapping[str, float]], collision: Collision, touch_time_s: float
 ) -> list[Active]:
-    """Return the effects that act on the motion, in the order of ``rows``; ``values`` by effect and parameter."""
+    """Return those of ``rows`` that act on the motion, in order; ``values`` maps effect and parameter to a value."""
     out = []
     for row in rows:
         if row.kernel is None:
@@ -141,7 +141,7 @@ def active_effects(
 def chain_rules(
     rows: Sequence[Effect], values: Mapping[Effect, Mapping[str, float]], collision: Collision, touch_time_s: float
 ) -> list[ChainRule]:
-    """Return the chain rules of clocked effects, by exact complex steps; ``slot`` is as in ``active_effects``."""
+    """Return the chain rules of clocked effects, by exact complex steps; ``slot`` counts as in ``active_effects``."""
     out = []
     for slot, row in enumerate(row for row in rows if row.kernel is not None):
         if row.clocked is None:
@@ -162,9 +162,9 @@ def chain_rules(
 
 
 def chain_matrix(chains: Sequence[ChainRule], names: Sequence[str], of_base: Mapping[str, int]) -> Floats:
-    """Return the matrix, (p + 3 c, p), that turns derivatives by p ``names`` and c kernels' values into those by names.
+    """Return the matrix, shape (p + 3 c, p), that applies c chain rules to derivatives with respect to p ``names``.
 
-    ``of_base`` gives the place in ``KERNEL_ORDER`` of those names that are the shot's plate or contact parameters.
+    ``of_base`` maps those names that are plate or contact parameters to their indices in ``KERNEL_ORDER``.
     """
     rows, here = [np.eye(len(names))], {KERNEL_ORDER[place]: name for name, place in of_base.items()}
     for chain in chains:
@@ -179,7 +179,7 @@ def chain_matrix(chains: Sequence[ChainRule], names: Sequence[str], of_base: Map
 def _earlier(
     rows: Sequence[Effect], values: Mapping[Effect, Mapping[str, float]], collision: Collision
 ) -> tuple[float, str]:
-    """Return when the bodies begin to act on each other, in s from the touch, and the name of the longest range."""
+    """Return when the interaction begins, in s from the touch (at most 0), and the name of the longest range."""
     reaches = [(values[row][row.parameters[row.range_at].name], row) for row in rows if row.range_at >= 0]
     if not reaches:
         return 0.0, ""

@@ -1,6 +1,6 @@
-"""Finds the first zero of a guard function within a step, for any stepper (kernels).
+"""Find the first zero of a guard function within a step, for any stepper (kernels).
 
-``reach`` is the stepper's function that writes the state some time after the beginning of the step to ``there``.
+``reach`` is a function of the stepper: it writes the state at a given time after the start of the step to ``there``.
 """
 
 from analysis.collision.modes import VELOCITY, guard, guard_rate, may_touch
@@ -10,9 +10,9 @@ from analysis.compiled import part
 
 @part
 def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-untyped-def]
-    """Return the time after ``here`` at which a guard function passes zero, between ``low`` and ``high``.
+    """Return the time after ``here``, between ``low`` and ``high``, at which a guard function passes zero.
 
-    Newton's method within a bracket, to the last bit of the time.
+    Newton's method within a bracket, converged to the last bit of the time.
     """
     one = motion.nothing.size
     sign = motion.signs[item]
@@ -26,7 +26,7 @@ def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-u
             high = at
         new = at - value / rate
         settled = 1e-17 + 2e-16 * at
-        if not low < new < high and not abs(new - at) <= settled:  # a zero met exactly is an end of the bracket
+        if not low < new < high and not abs(new - at) <= settled:  # an exact zero is an end of the bracket
             new = 0.5 * (low + high)
         if abs(new - at) <= settled:
             return new
@@ -36,9 +36,9 @@ def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-u
 
 @part
 def _lowest(reach, stepper, system, motion, item, h, up):  # type: ignore[no-untyped-def]
-    """Return the time of the minimum of a guard function that falls at ``here`` and rises with ``up`` after ``h``.
+    """Return the time of the minimum of a guard function that falls at ``here`` and rises at rate ``up`` after ``h``.
 
-    Stops earlier at a time when it is below zero.  Secants and bisections alternate.
+    Stops early at any time at which the function is negative.  Secant steps and bisections alternate.
     """
     one = motion.nothing.size
     sign = motion.signs[item]
@@ -61,9 +61,9 @@ def _lowest(reach, stepper, system, motion, item, h, up):  # type: ignore[no-unt
 
 @part
 def first_crossing(reach, stepper, system, motion, h):  # type: ignore[no-untyped-def]
-    """Return (guard function, time) of the first zero in a step; -1 if there is none.
+    """Return (guard function, time) of the first zero within a step; the guard function is -1 if there is none.
 
-    Two zeros of the velocity within one step are not looked for, because their effect is negligible.
+    Two zeros of the velocity within one step are ignored, because their effect is negligible.
     """
     signs, ends = motion.signs, motion.ends
     first, found = h, -1

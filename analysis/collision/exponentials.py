@@ -1,4 +1,4 @@
-"""Matrix exponentials of a linear mode, their action on a state, and means over a block of steps (kernels)."""
+"""Matrix exponentials of a linear mode, their application to a state, and means over a block of steps (kernels)."""
 
 from analysis.collision.matrices import TERMS
 from analysis.compiled import add_product, add_products, four_of, inlined, no_sum, part, put_four
@@ -8,9 +8,9 @@ _MOST_TERMS = 60
 
 @part
 def exponential(form, room, rows, h):  # type: ignore[no-untyped-def]
-    """Write exp(A h) and its derivatives, and return the number of terms of the series.
+    """Write exp(A h) and its derivatives by Taylor series, and return the number of terms.
 
-    About 1 us, and 4 us for each parameter on which A depends.
+    Takes about 1 us, plus 4 us for each parameter on which A depends.
     """
     a, by, e, d = form.a, form.by, form.e, form.d
     term, new, depends, d_term, d_new = room.square[0], room.square[1], room.square[2], room.d_term, room.d_work
@@ -74,7 +74,7 @@ def _add_to_rows(factor, rows, out):  # type: ignore[no-untyped-def]
 
 @part
 def along(functional, item, z):  # type: ignore[no-untyped-def]
-    """Return one row of ``functional`` on the state."""
+    """Return the product of one row of ``functional`` with the state."""
     total = 0.0
     for c in range(z.shape[0]):
         total += functional[item, c] * z[c, 0]
@@ -102,7 +102,7 @@ def step_alone(z, e, out):  # type: ignore[no-untyped-def]
 
 @part
 def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
-    """Write the propagator of ``times`` steps and the matrix of the mean over them; derivatives of its first row."""
+    """Write the propagator of ``times`` steps, the matrix of the mean over them, and derivatives of its first row."""
     e, d, e_all, d_all, e_work, d_work = form.e, form.d, form.whole, form.d_whole, room.square[0], room.d_work
     n = e.shape[0]
     share = 1.0 / times
@@ -164,7 +164,7 @@ def show_mean(z, rows, form, states, d_x, means):  # type: ignore[no-untyped-def
 
 @part
 def series(z, rows, form, h, out, room):  # type: ignore[no-untyped-def]
-    """Write the first ``rows`` columns after a time of any length, by their Taylor series."""
+    """Write the first ``rows`` columns after a time of any length, by Taylor series."""
     a, by, term, new = form.a, form.by, room.columns[0], room.columns[1]
     n = a.shape[0]
     for i in range(n):

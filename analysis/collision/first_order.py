@@ -1,10 +1,10 @@
-"""The first-order change of a solved trajectory by a small effect, for all starting values of the effect at once.
+"""First-order change of a solved trajectory by a small effect, for all starting values of the effect at once.
 
 The effect's function is evaluated along the path (``linear_path``).  Every oscillator and relaxation is linear in its
-hidden state with constant coefficients, so the hidden state is propagated exactly (for drives that are parabolas over a
-step), and the small change of block and plate by the path's propagators, with the drives integrated by Simpson's rule.
-The error is of second order in the effect.  If the function does not have that form there is no result, and the
-trajectory has to be solved again.
+hidden state with constant coefficients.  The hidden state is therefore propagated exactly, for drives that are
+parabolas over a step.  The small change of block and plate is propagated by the path's propagators, with the drives
+integrated by Simpson's rule.  The error is of second order in the effect.  If the function does not have that form,
+``along`` returns None, and the trajectory has to be solved again.
 """
 
 import math
@@ -30,13 +30,13 @@ from analysis.collision.path_matrices import INPUTS
 from analysis.compiled import by_address, cut, cut_integers, kernel, part
 
 _PROBED = 16  # points along the trajectory at which the linearity of an effect's function is checked
-_SAME = 1e-9  # relative: steps of one length
+_SAME = 1e-9  # relative difference within which two steps have the same length
 _SWING = 0.5  # largest phase step, in rad, of the fastest oscillation of an effect
 _DRIVES = (ON_BLOCK, ON_PLATE, PAIR, MASS)  # in the order of the path's inputs
 
 
 def steps_for(effect: Effect, values: Sequence[float], collision: Collision, spacing_s: float) -> int:
-    """Return the steps per sample that an effect needs: a power of two, so that many starts share a path."""
+    """Return the number of steps per sample that an effect needs, a power of two so that many starts share a path."""
     turns = effect.fastest(np.asarray(values, dtype=np.float64), collision) * spacing_s / _SWING
     return 1 if turns <= 1 else 2 ** math.ceil(math.log2(turns))
 
@@ -44,9 +44,9 @@ def steps_for(effect: Effect, values: Sequence[float], collision: Collision, spa
 class _EffectAtStarts(NamedTuple):
     """An effect at k starts: its address, where it acts, its parameters, shape (k, 3), and its linear coefficients.
 
-    ``in_contact``: between the bodies; ``in_flight``: before they meet, too; ``rides``: its hidden state moves with the
-    block before.  ``linear``, shape (6, 2, k): derivatives of the outputs by the hidden state; ``by_state``, shape
-    (6, 8, k): by the state, and the outputs at rest, if they are ``constant``.
+    ``in_contact``: acts between the bodies; ``in_flight``: acts before the touch too; ``rides``: its hidden state moves
+    with the block before the touch.  ``linear``, shape (6, 2, k): derivatives of the outputs with respect to the hidden
+    state; ``by_state``, shape (6, 8, k): those with respect to the state and the outputs at rest, if ``constant``.
     """
 
     where: int
@@ -62,15 +62,15 @@ class _EffectAtStarts(NamedTuple):
 
 
 class _Work(NamedTuple):
-    """Arrays of the march; a "point" is the begin, the middle or the end of a step.
+    """Arrays of the march; a "point" is the start, the middle or the end of a step.
 
     ``s``, ``values`` and ``effect`` are the arguments of one call of the effect.  ``bare`` are its outputs at each
     point with the hidden state at zero, ``h`` the hidden state, ``u`` the inputs of the path.  ``rows`` are ``state``
-    and ``u`` as one array.  ``steps``, ``power`` and ``series`` belong to ``hidden_steps``, ``scaled`` are weights of a
-    sum.
+    and ``u`` as one array.  ``steps``, ``power`` and ``series`` belong to ``hidden_steps``; ``scaled`` are the weights
+    of a sum.
 
-    ``active`` marks the inputs that are not zero, ``driven`` the outputs that are not, ``used`` the states on which an
-    output depends; ``terms`` and ``term_count`` list those, ``live`` the rows that are not zero.
+    ``active`` marks the nonzero inputs, ``driven`` the nonzero outputs, ``used`` the states on which an output depends.
+    ``terms`` and ``term_count`` list those states, ``live`` the nonzero rows.
     """
 
     s: Floats
@@ -96,7 +96,7 @@ class _Work(NamedTuple):
 
 
 def along(path: LinearPath, effect: Effect, collision: Collision, parameters: Floats, samples: int) -> Floats | None:
-    """Return the change of the block's position, shape (samples, k), for k rows of ``parameters``, shape (k, 3)."""
+    """Return the block's change of position, (samples, k), for ``parameters``, (k, 3); None for an unsuitable effect."""
     if effect.kernel is None or effect.range_at >= 0:
         return None
     function, acts = function_of(effect, collision)
@@ -130,7 +130,7 @@ def _room_for(n: int, count: int) -> int:
 
 @part
 def add_up(rows, weights, which, number, out):  # type: ignore[no-untyped-def]
-    """Write the weighted sum of some rows; two at a time, which writes ``out`` half as often."""
+    """Write the weighted sum of selected rows, two at a time, which halves the writes to ``out``."""
     count = out.size
     first, last = rows[which[0]], rows[which[number - 1]]
     one, two = weights[0], weights[number - 1]
@@ -149,7 +149,7 @@ def add_up(rows, weights, which, number, out):  # type: ignore[no-untyped-def]
 
 @part
 def _workspace(room, n, count):  # type: ignore[no-untyped-def]
-    """Return the arrays of a march, cut from ``room``, and how much of it they take."""
+    """Return the arrays of a march, cut from ``room``, and their total size."""
     s, at = cut(room, 0, (STATES,))
     values, at = cut(room, at, (3,))
     effect, at = cut(room, at, (OUTPUTS,))
@@ -179,7 +179,7 @@ def _workspace(room, n, count):  # type: ignore[no-untyped-def]
 
 @part
 def _mark_active(effect, drives, work):  # type: ignore[no-untyped-def]
-    """Mark the inputs and outputs that are not zero, and return the number of ``live`` rows."""
+    """Mark the nonzero inputs and outputs, and return the number of ``live`` rows."""
     linear, by_state, active, driven, used = effect.linear, effect.by_state, work.active, work.driven, work.used
     count, n = linear.shape[2], work.state.shape[0]
     for i in range(OUTPUTS):
@@ -210,7 +210,7 @@ def _mark_active(effect, drives, work):  # type: ignore[no-untyped-def]
 
 @part
 def _write_bare(effect, path, r, point, work):  # type: ignore[no-untyped-def]
-    """Write the effect's outputs at one point of a step, the hidden state at zero."""
+    """Write the effect's outputs at one point of a step, with its hidden state at zero."""
     s, bare = work.s, work.bare
     for i in range(STATES):
         s[i] = path.effect_inputs[r, point, i]
@@ -266,7 +266,7 @@ def _write_inputs(effect, drives, work):  # type: ignore[no-untyped-def]
 
 @part
 def jump_at_event(path, r, state, moved):  # type: ignore[no-untyped-def]
-    """Let the states (n, k) jump at an event, which comes earlier or later by the change of state, and by ``moved``."""
+    """Apply an event's jump to the states (n, k); the event time shifts with the change of state and with ``moved``."""
     n, count = state.shape
     for c in range(count):
         total = moved[c]
@@ -301,10 +301,10 @@ def _step_state(path, r, live_rows, work):  # type: ignore[no-untyped-def]
 
 @kernel
 def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
-    """Write the change of the block's position at the samples, shape (samples, k); False if ``room`` is too small.
+    """Write the block's change of position at the samples, shape (samples, k); return False if ``room`` is too small.
 
-    About 15 ns per step and start if the effect's coefficients are ``constant``, else 40.  ``room`` is ``_room_for``
-    zeros.
+    Takes about 15 ns per step and start if the effect's coefficients are ``constant``, otherwise 40 ns.  ``room``
+    holds ``_room_for`` zeros.
     """
     effect, path = by_address(effect), by_address(path)
     count, n, early = effect.parameters.shape[0], path.propagator.shape[1], path.early

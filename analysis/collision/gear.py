@@ -1,4 +1,4 @@
-"""The paper's own integrator: Gear's predictor-corrector of fifth order at a fixed step (Eq. 5-8), as printed.
+"""The paper's own integrator: Gear's fifth-order predictor-corrector at a fixed step (Eq. 5-8), as printed.
 
 It does not locate contact events: the force switches on and off between two steps, which limits its accuracy to about
 one step.  ``general`` solves the same model without that error.
@@ -11,7 +11,7 @@ from numba import njit
 
 from analysis.collision.parameters import Collision, Floats, Variant
 
-STEP_S = 1e-7  # the paper's
+STEP_S = 1e-7  # the paper's step
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -29,9 +29,9 @@ def _force(xi, xi_rate, k_n, g_n, variant):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _integrate(p, variant, dt, steps, every, out):  # type: ignore[no-untyped-def]
-    """Advance ``steps`` steps and write (x_b, v_b, x_p, v_p, F) every ``every`` of them; about 15 ns a step.
+    """Integrate ``steps`` steps and write (x_b, v_b, x_p, v_p, F) at every ``every``-th; about 15 ns per step.
 
-    Derivatives are kept scaled, r_n = x^(n) dt^n / n!, so that prediction is Pascal's triangle.
+    Derivatives are scaled, r_n = x^(n) dt^n / n!, so that the prediction multiplies by Pascal's triangle.
     """
     c0, c1, c3, c4, c5 = 3.0 / 16.0, 251.0 / 360.0, 11.0 / 18.0, 1.0 / 6.0, 1.0 / 60.0
     k_p, m_p, k_n, g_n, m_b = p[0], p[1], p[2], p[3], p[7]

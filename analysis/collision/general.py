@@ -1,4 +1,4 @@
-"""Solves the model with effects at any times, with derivatives by any of its parameters."""
+"""Solve a collision with effects at any times, with derivatives with respect to any of its parameters."""
 
 import math
 from collections.abc import Sequence
@@ -17,17 +17,17 @@ from analysis.collision.parameters import Collision, Floats
 from analysis.collision.system import MAX_EVENTS, Record, System
 
 _BASE_STEP = 0.14  # phase step, in rad, of the fastest oscillation of block, contact and plate: error 1e-12
-_HIDDEN_STEP = 0.22  # of an effect's own oscillation, which is small compared with the motion
+_HIDDEN_STEP = 0.22  # phase step, in rad, of an effect's own oscillation, which is small compared with the motion
 _LONGEST_S = 1e-3
-_ERROR_M, _ORDER = 1e-18, 12  # allowed error of a step longer than safe, and the power of the stride by which it grows
+_ERROR_M, _ORDER = 1e-18, 12  # allowed error of steps beyond the safe length; it grows with this power of the stride
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
     """A change of mode: ``kind`` "touch", "release", "damping_off", "damping_on", "turn", ...; time from first touch.
 
-    ``state`` is (x_b, v_b, x_p, v_p, hidden states).  The derivatives are total, by the k requested directions: of the
-    event's time, shape (k,), and of the state at the event, shape (k, 4 or more).
+    ``state`` is (x_b, v_b, x_p, v_p, hidden states).  The derivatives are total derivatives in the k requested
+    directions: of the event's time, shape (k,), and of the state at the event, shape (k, 4 or more).
     """
 
     kind: str
@@ -45,7 +45,7 @@ class TooManyEvents(ArithmeticError):
 class Trajectory:
     """A solved collision, arrays of shape (n,); time zero is the first touch.
 
-    ``displacement_derivatives`` has shape (n, k), by the requested ``directions``.
+    ``displacement_derivatives``, shape (n, k), has one column for each of the requested ``directions``.
     """
 
     collision: Collision
@@ -60,7 +60,7 @@ class Trajectory:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Get the changes of mode, in order, as ``EventLog.events``."""
+        """Get the changes of mode in order (see ``EventLog.events``)."""
         return self.log.events
 
     @property
@@ -70,7 +70,7 @@ class Trajectory:
 
     @property
     def force_n(self) -> Floats:
-        """Get the contact force on the block without effects (Eq. 9; zero where the bodies are apart)."""
+        """Get the contact force on the block without effects (Eq. 9); zero while the bodies are apart."""
         c, events = self.collision, self.events
         rate = self.plate_velocity_m_per_s - self.velocity_m_per_s
         index = np.searchsorted([event.time_s for event in events], self.time_s, side="right") - 1
@@ -87,7 +87,7 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class EventLog:
-    """The events as the kernel recorded them, copied only when they are read, as most are not.
+    """The events as the kernel recorded them; an event is copied only when it is read, because most never are.
 
     ``numbers`` is the length of a state.
     """
@@ -98,7 +98,7 @@ class EventLog:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Get all of them in order, without the end of an overlap that lasts beyond the release."""
+        """Get all events in order, except the end of an overlap that outlasts the release."""
         return tuple(self._event(place) for place, kind in enumerate(self.kinds) if kind != "apart")
 
     def _event(self, place: int) -> Event:
@@ -137,14 +137,14 @@ def solve(
     """Solve ``collision`` with mechanical ``effects`` at ``time_s``, shape (n,), ascending.
 
     ``directions`` are indices into ``parameters.KERNEL_ORDER`` (0 to 6; not the block's mass, 7) and
-    ``direction(slot, place)``, a slot being a place in ``effects``.  Before the touch only effects on the block without
-    a hidden state act; a mass inside the block is at rest.  ``block``: all outputs except the events are means over so
-    many samples; an incomplete last block is left out.  ``rates`` are the ``fastest_rates``, if they are known.
+    ``direction(slot, place)``; a slot is an index into ``effects``.  Before the touch only effects on the block without
+    a hidden state act; a mass inside the block is at rest.  All outputs except the events are means over ``block``
+    samples; an incomplete last block is left out.  ``rates`` are the ``fastest_rates``, if they are known.
 
-    Effects that are linear in the state are solved to rounding.  For others ``stride`` lengthens the steps: 2 takes 0.6
-    of the time, with an error of 0.05 pm instead of 0.001 pm for a displacement of a millimetre.  Kinks are not located
-    as events, and the stride is at most 1: the error of a hinge of 5 N/m is 3 pm (with 2: 130 pm), of 50 N/m 30 pm.
-    Raises TooManyEvents, UnboundedMotion, ValueError.
+    Effects that are linear in the state are solved to rounding error.  For others ``stride`` lengthens the steps: a
+    stride of 2 takes 0.6 of the time, and its error is 0.05 pm instead of 0.001 pm for a displacement of a millimetre.
+    Kinks are not located as events, so the stride is then at most 1: a hinge of 5 N/m causes an error of 3 pm (130 pm
+    at stride 2), one of 50 N/m 30 pm.  Raises TooManyEvents, UnboundedMotion, ValueError.
     """
     request = _Request(time_s, tuple(directions), block)
     record, count, system = _solved(collision, effects, request, stride, rates or fastest_rates(collision, effects))
@@ -170,7 +170,7 @@ class Recorded:
 
 
 def recorded(collision: Collision, effects: Sequence[Active], time_s: Floats, spacing_s: float = 0.0) -> Recorded:
-    """Solve as ``solve`` does, and return whole states and modes; ``spacing_s`` is the spacing of most times."""
+    """Solve as ``solve`` does, and return complete states and modes; ``spacing_s`` is the spacing of most times."""
     request = _Request(time_s, whole=True, spacing_s=spacing_s)
     record, count, system = _solved(collision, effects, request, 1.0, fastest_rates(collision, effects))
     states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # without the contact point
@@ -179,13 +179,13 @@ def recorded(collision: Collision, effects: Sequence[Active], time_s: Floats, sp
 
 @dataclass(frozen=True, slots=True)
 class _Request:
-    """The requested times and ``directions``, as means over ``block``; ``whole``: with hidden states."""
+    """The requested times and ``directions``; outputs are means over ``block``; ``whole``: with hidden states."""
 
     time_s: Floats
     directions: tuple[int, ...] = ()
     block: int = 1
     whole: bool = False
-    spacing_s: float = 0.0  # of most times; 0: unknown
+    spacing_s: float = 0.0  # spacing of most times; 0: unknown
 
 
 def _solved(
@@ -236,12 +236,12 @@ def _record(times: Floats, block: int, system: System, shown: int) -> Record:
 
 
 def averaged(columns: Floats, block: int) -> Floats:
-    """Return ``columns``, shape (n,) or (n, k), as means over blocks of rows; an incomplete one is left out."""
+    """Return ``columns``, shape (n,) or (n, k), as means over blocks of rows; an incomplete block is left out."""
     if block == 1:
         return columns
     count = columns.shape[0] // block
     blocks = columns[: count * block].reshape((count, block, *columns.shape[1:]))
-    return np.asarray(np.einsum("nb...->n...", blocks) / block)  # four times faster than mean() on so short an axis
+    return np.asarray(np.einsum("nb...->n...", blocks) / block)  # four times faster than mean() on an axis this short
 
 
 _KIND = {
@@ -271,8 +271,8 @@ def _limits(rates: FastestRates, effects: Sequence[Active], stride: float) -> Fl
 
     safe = [longest(rates.contact, rates.every), longest(rates.plate, rates.every)]
     safe += [longest(0.0, rates.inside), _LONGEST_S]
-    # A law that is not smooth where the overlap begins may have an infinite slope there, and the error of a step grows
-    # with its length: short steps are taken before and after.
+    # A law that is not smooth at the start of the overlap may have an infinite slope there, and the error of a step
+    # grows with its length.  Short steps are therefore taken before and after.
     rough = any(active.effect.rough for active in effects)
     growth, nearing, shortest = (1.6, 0.4, 1e-8) if rough else (3.0, 0.0, 1e-4)
     allowed = _ERROR_M * stride**_ORDER

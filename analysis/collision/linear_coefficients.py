@@ -1,6 +1,6 @@
 """Linear coefficients of an effect's function in its hidden state and in the state, if it is linear (kernels).
 
-The function is checked at some points along a trajectory; a linear hidden state is propagated exactly.
+The linearity is checked at several points along a trajectory.  A linear hidden state is propagated exactly.
 """
 
 from analysis.collision.effects.kernel import OUTPUTS, STATES, Q, W, call
@@ -8,8 +8,8 @@ from analysis.compiled import cut, kernel, part
 
 SEEN = 7  # the first inputs of an effect: positions, velocities, overlap, its rate and force
 _ALIKE = 1e-9
-ROOM = 64  # numbers, for the arrays of a kernel here
-_TERMS = 14  # of the exponential series for a step of no more than ``first_order`` takes
+ROOM = 64  # size of the workspace of ``coefficients`` and of ``state_coefficients``
+_TERMS = 14  # of the exponential series, enough for the longest step of ``first_order``
 
 
 @part
@@ -23,9 +23,9 @@ def call_effect(where, s, parameters, c, values, effect):  # type: ignore[no-unt
 
 @kernel
 def coefficients(where, inputs, parameters, linear, room):  # type: ignore[no-untyped-def]
-    """Write d(outputs)/d(q, w), shape (6, 2, k); return False if not constant.  Ten calls per start and point.
+    """Write d(outputs)/d(q, w), shape (6, 2, k); return False if they vary.  Four calls per start and point.
 
-    ``room`` are ``ROOM`` zeros.
+    ``room`` holds ``ROOM`` zeros.
     """
     values, at = cut(room, 0, (3,))
     outputs, at = cut(room, at, (4, OUTPUTS))
@@ -49,9 +49,9 @@ def coefficients(where, inputs, parameters, linear, room):  # type: ignore[no-un
 
 @kernel
 def state_coefficients(where, inputs, parameters, by_state, room):  # type: ignore[no-untyped-def]
-    """Write the outputs at rest and their derivatives by the state, shape (6, 8, k); return False if not constant.
+    """Write the outputs at rest and their derivatives in the state, shape (6, 8, k); return False if they vary.
 
-    The hidden state is zero.  Nine calls per start, and one per start and point.  ``room`` are ``ROOM`` zeros.
+    The hidden state is zero.  Eight calls per start, plus one per start and point.  ``room`` holds ``ROOM`` zeros.
     """
     values, at = cut(room, 0, (3,))
     outputs, at = cut(room, at, (OUTPUTS,))
@@ -85,8 +85,8 @@ def state_coefficients(where, inputs, parameters, by_state, room):  # type: igno
 def hidden_steps(linear, h, out, power, series):  # type: ignore[no-untyped-def]
     """Write the propagators of the hidden states over ``h`` to ``out``, shape (2, 4, 2, 2, k).
 
-    To the middle and to the end: the factor of the state, then those of the drive at begin, middle and end (phi
-    functions of a parabola; Hochbruck and Ostermann, Acta Numerica 19 (2010) 209).
+    For the middle and for the end of the step: the factor of the state, then the factors of the drive at start, middle
+    and end (phi functions of a parabola; Hochbruck and Ostermann, Acta Numerica 19 (2010) 209).
     """
     count = linear.shape[2]
     for end in range(2):

@@ -1,9 +1,9 @@
-"""The linearisation of a solved trajectory: steps with propagators, for the response to small forces and shifts.
+"""Linearise a solved trajectory: steps with propagators, for the response to small forces and displacements.
 
 A small change d of the state obeys d' = A(t) d + E(t) u, where u is the input of an effect: forces on block and plate,
-a force between them, inertia, a displacement of the contact point and its rate.  A and E are the exact derivatives of
-the model's equations (``rates``), E by two probe effects in addition to those of the fit, so that no equation is
-written twice.  At an event d jumps as every derivative does (``march``).
+a force between them, inertia, a displacement of the contact point and its rate.  A and E are exact derivatives of the
+model's equations (``rates``).  E comes from two probe effects added to those of the fit, so that no equation is written
+twice.  At an event d jumps as every derivative does (``march``).
 """
 
 import math
@@ -42,7 +42,7 @@ MOST_PIECES = 24
 
 
 def _push(s: Any, p: Any, out: Any) -> None:
-    """Push block and plate; p = (force in N, force in N).  Its hidden state moves the contact point only."""
+    """Push block and plate; p = (force in N, force in N).  The hidden state only displaces the contact point."""
     out[ON_BLOCK] += p[0]
     out[ON_PLATE] += p[1]
 
@@ -58,13 +58,13 @@ _PRESS = Effect("press", "", Acts.IN_CONTACT, _TWO[:1], "block", _press)
 
 
 class LinearPath(NamedTuple):
-    """The m steps of one shot, states of n numbers: first those before the bodies act, backwards, then the others.
+    """The m steps of one shot, with states of n numbers: first those before the interaction, backwards, then the rest.
 
-    ``length_s`` and ``sample`` (index of the sample at the end, or -1), shape (m,); ``early``: before the bodies act;
-    ``linked``: begins at the end of the step before; ``propagator``, shape (m, n, n); ``weights`` of the inputs at
-    begin, middle and end, shape (m, 3, n, 6); ``effect_inputs``, shape (m, 3, 15), the arguments of an effect's
-    function there.  ``kick``, shape (m, n), and ``watch``, shape (m, n + 1): at the beginning the state jumps by kick
-    times the product of watch with the state and the displacement of the contact point.
+    ``length_s`` and ``sample`` (index of the sample at the end, or -1), shape (m,); ``early``: before the interaction;
+    ``linked``: starts at the end of the previous step; ``propagator``, shape (m, n, n); ``weights`` of the inputs at
+    start, middle and end, shape (m, 3, n, 6); ``effect_inputs``, shape (m, 3, 15), the arguments of an effect's
+    function there.  ``kick``, shape (m, n), and ``watch``, shape (m, n + 1): at its start the state jumps by ``kick``
+    times the product of ``watch`` with the state and the displacement of the contact point.
     """
 
     length_s: Floats
@@ -86,8 +86,8 @@ class LinearPath(NamedTuple):
 def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, steps: int = 1) -> LinearPath:
     """Linearise a collision with ``active`` effects (those with hidden states first) at ``time_s`` from first touch.
 
-    ``time_s`` is an even grid, with at least ``steps`` steps per sample.  About 1 us per step.  Raises Infeasible if
-    the steps would be too many or the motion cannot be solved.
+    ``time_s`` is an even grid, with at least ``steps`` steps per sample.  Takes about 1 us per step.  Raises Infeasible
+    if too many steps are needed or the motion cannot be solved.
     """
     fastest = fastest_rates(collision, active)
     spacing = float(time_s[1] - time_s[0])
@@ -95,7 +95,7 @@ def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, 
     pieces = apart * math.ceil(max(steps, max(fastest.contact, fastest.every) * spacing / _SWING) / apart)
     if pieces > MOST_PIECES:
         raise Infeasible("an oscillation is too fast for the sampling of the record")
-    # Without effects the turn of the block is no event; for the effects that are tried it may be.
+    # Without effects the block's turn is not an event.  For the effects under test it may be: a zero force adds it.
     acting = active or [Active(_PRESS, (0.0,))]
     try:
         events = general.recorded(collision, acting, time_s)
@@ -114,9 +114,9 @@ def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, 
 
 
 class _Cut(NamedTuple):
-    """The steps of a path, mode by mode: begin and end, the sample at the end or -1, the event that began the mode.
+    """The steps of a path, mode by mode: start and end, the sample at the end or -1, the event that began the mode.
 
-    Before the first event that is -1.
+    Before the first event the index is -1.
     """
 
     begin_s: Floats
@@ -140,8 +140,8 @@ def _with_matrices(
     count, mode_of = event.size, np.zeros((events.time_s.size + 1, NEAR_0 + len(probed)))
     mode_of[:-1, :NEAR_0] = events.modes[:, :NEAR_0]
     mode_of[:-1, [NEAR_0 + slot for slot in slots]] = events.modes[:, NEAR_0 : NEAR_0 + len(active)]
-    mode_of[:-1, PLATE] = 1.0  # the plate is always solved with the block here
-    mode_of[-1, SIGN] = -1.0  # of steps before the first event
+    mode_of[:-1, PLATE] = 1.0  # here the plate is always integrated with the block
+    mode_of[-1, SIGN] = -1.0  # the mode of the steps before the first event
     states[early, :, 2:] = states[np.argmin(early), 0, 2:] if not early.all() else 0.0  # as when the bodies meet
     fresh = np.diff(event, prepend=-2) != 0
     item = np.full(count, NONE)
@@ -157,7 +157,7 @@ def _with_matrices(
 
 
 def _guard_of(kind: int, slots: Sequence[int]) -> int:
-    """Return the guard function of an event of a kind; ``slots`` are the present places of the effects."""
+    """Return the guard function of a kind of event; ``slots`` are the effects' slots in the probed system."""
     if kind >= RANGE:
         return RANGE_0 + slots[kind - RANGE]
     if kind == TURN:
@@ -181,7 +181,7 @@ def _cut_at_events(events: general.Recorded, time_s: Floats, each: tuple[int, in
 
 @kernel
 def _lay_steps(time_s, starts, whole, begin, end, sample, event):  # type: ignore[no-untyped-def]
-    """Write the steps of ``_cut_at_events``, no longer than ``whole`` of their mode, and return their number."""
+    """Write the steps of ``_cut_at_events``, none longer than its mode's ``whole``, and return their number."""
     first, r, at = 0, 0, starts[0]
     while first < time_s.size and time_s[first] < starts[0] - 1e-13:
         first += 1
@@ -217,9 +217,9 @@ def _lay_steps(time_s, starts, whole, begin, end, sample, event):  # type: ignor
 
 @kernel
 def _lay_instants(begin, end, halves, early, instants, place):  # type: ignore[no-untyped-def]
-    """Write the times, two for each of ``halves`` per step, in order, and the index at which each step begins.
+    """Write the times in order, two for each of a step's ``halves``, and the index of each step's start.
 
-    All are on the grid of the shortest steps, on which the solver is fastest; the ``early`` ones in reverse order.
+    All lie on the grid of the shortest steps, on which the solver is fastest; the first ``early`` steps are reversed.
     """
     at = 0
     for k in range(begin.size):

@@ -1,16 +1,16 @@
-"""Solves the hybrid system of a collision from event to event, with all derivatives (kernels).
+"""Solve the hybrid system of a collision from event to event, with all derivatives (kernels).
 
-A mode ends where a guard function g passes zero.  There the derivatives of the state jump by
+A mode ends when a guard function g passes zero.  There the derivatives of the state jump by
 (f_before - f_after) dt/dtheta, dt/dtheta = -(dg/dtheta) / (dg/dt) (the saltation of a hybrid system; Leine and
 Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).
 
 Within a mode a stepper solves the motion: ``propagator`` (closed form, if the equations are linear in the state) or
-``runge_kutta``.  A stepper is a bundle of arrays, and four functions in its file:
+``runge_kutta``.  A stepper consists of a bundle of arrays, and of four functions in its file:
 
 ``arm``    prepares for a mode that begins at the state ``here``; returns False if the stepper cannot solve it
-``run``    steps from sample to sample; returns (next sample, length of the step that may meet a guard, why it stopped)
-``reach``  writes the state, its rates and its contact some time after the beginning of that step to ``there``
-``show``   writes the samples within that step up to a time, and returns the next one
+``run``    steps from sample to sample; returns (next sample, length of a step that may contain an event, stop reason)
+``reach``  writes the state, its rates and its contact at a given time after the start of that step to ``there``
+``show``   writes the samples within that step up to a given time, and returns the next sample
 """
 
 import math
@@ -68,7 +68,7 @@ TURN, RANGE = 90, 95  # kinds of event: the block turns; the bodies leave or ent
 
 @inlined
 def _passage(before, after):  # type: ignore[no-untyped-def]
-    """Return the kind of an event that leads from one phase of the contact to another."""
+    """Return the kind of the event that leads from one phase of the contact to another."""
     return 10 * before + after
 
 
@@ -98,7 +98,7 @@ def _change_mode(item, mode, slots):  # type: ignore[no-untyped-def]
 
 @part
 def _cross(item, rows, system, motion, record, event):  # type: ignore[no-untyped-def]
-    """Process an event at ``here``, whose rates are known: change the mode, and let the derivatives jump."""
+    """Process an event at ``here``, whose rates are known: change the mode and apply the jump of the derivatives."""
     here, aside, mode, which = motion.here, motion.aside, motion.mode, system.which
     size = here.z.shape[1]
     rate = 1.0
@@ -133,10 +133,10 @@ def _note(event, kind, motion, record):  # type: ignore[no-untyped-def]
 
 @part
 def _start(system, motion, forward):  # type: ignore[no-untyped-def]
-    """Write state and mode at which the two bodies begin to act on each other; return the block's inertia in kg.
+    """Write the state and mode at which the interaction of the bodies begins; return the block's inertia in kg.
 
-    That is the first touch, at time zero, or the edge of the longest range of an effect, earlier by the time in which
-    the block would reach the plate with its velocity there ("velocity in").
+    It begins at the first touch, at time zero, or at the edge of the longest range of an effect.  The edge is passed
+    earlier, by the time in which the block would reach the plate at its velocity there ("velocity in").
     """
     p, slots, which = system.p, system.slots, system.which
     here, aside, mode = motion.here, motion.aside, motion.mode
@@ -188,7 +188,7 @@ def _start(system, motion, forward):  # type: ignore[no-untyped-def]
 
 @part
 def _after_start(record, system):  # type: ignore[no-untyped-def]
-    """Return the first sample after the time at which the solution begins."""
+    """Return the index of the first sample after the start of the solution."""
     edge = 0.0
     for slot in range(system.slots.shape[0]):
         if system.slots[slot, RANGE_AT] >= 0.0:
@@ -201,7 +201,7 @@ def _after_start(record, system):  # type: ignore[no-untyped-def]
 
 @part
 def march(arm, run, reach, show, stepper, system, motion, record):  # type: ignore[no-untyped-def]
-    """Solve from the time at which the bodies begin to act on each other back to the first sample, then to the last.
+    """Solve from the start of the interaction back to the first sample, then forward to the last.
 
     Returns the number of events, or TOO_MANY, RUNS_AWAY, NOT_LINEAR, TOO_LONG.
     """
@@ -282,15 +282,15 @@ def room_for(system: System, record: Record) -> int:
 
 @kernel
 def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def]
-    """Solve at ``record.times`` (ascending, 0: first touch), in steps of any length.
+    """Solve in closed form at ``record.times`` (ascending, 0: first touch), in steps of any length.
 
-    An incomplete block is left out; ``swings`` are those of ``Propagator``, then the spacing in s of most times (0.0:
-    as the first); ``room`` is ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY, TOO_LONG, or
-    NOT_LINEAR if an effect is not linear.  For 60 ms at 100 kS/s the two bodies alone take 0.1 ms; with effects 0.3 to
-    0.5 ms, with derivatives 1 to 2.5 ms; in blocks of five 0.2 ms and 0.4 to 0.8 ms.
+    An incomplete last block is left out.  ``swings`` are those of ``Propagator``, then the spacing in s of most times
+    (0.0: from the times); ``room`` holds ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY,
+    TOO_LONG, or NOT_LINEAR if an effect is not linear.  60 ms at 100 kS/s take 0.1 ms for the two bodies alone, 0.3 to
+    0.5 ms with effects, 1 to 2.5 ms with derivatives; in blocks of five, the last two 0.2 ms and 0.4 to 0.8 ms.
     """
     system, record = by_address(system), by_address(record)
-    for row in range(record.states.shape[0] if record.block > 1 else 0):  # sums begin at nothing
+    for row in range(record.states.shape[0] if record.block > 1 else 0):  # the sums start at zero
         for c in range(record.states.shape[1]):
             record.states[row, c] = 0.0
         for c in range(record.d_x.shape[1]):
@@ -308,10 +308,10 @@ def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def
 
 @kernel
 def step_by_step(system, record, limits, room):  # type: ignore[no-untyped-def]
-    """Solve at ``record.times`` (ascending, 0: first touch); ``limits`` are those of ``RungeKutta``.
+    """Solve by Runge-Kutta steps at ``record.times`` (ascending, 0: first touch); ``limits`` as in ``RungeKutta``.
 
-    ``room`` is ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY or TOO_LONG.  About 1.3 ms for
-    60 ms, and 1 ms for each derivative.
+    ``room`` holds ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY or TOO_LONG.  60 ms of motion
+    take about 1.3 ms, and each derivative 1 ms more.
     """
     system, record = by_address(system), by_address(record)
     rows, size = system.which.size + 1, record.event_state.shape[1]

@@ -12,8 +12,8 @@ from analysis.collision.rates import rates
 from analysis.collision.system import RANGE_AT
 from analysis.compiled import cut, inlined, part
 
-_SAME = 1e-11  # of the terms, where two states must agree on A
-# indices into ``steps``: length in s, number per sample, terms of the series, whether nothing is fast
+_SAME = 1e-11  # relative tolerance within which test states must give the same A
+# Indices into ``steps``: length in s, number per sample, terms of the series, 1 if no oscillation is fast in a block.
 STEP_S, STEPS_PER_SAMPLE, TERMS, SLOW = 0, 1, 2, 3
 
 
@@ -39,9 +39,9 @@ class Form(NamedTuple):
 
 
 class StoredForms(NamedTuple):
-    """The forms of several modes, along the first axis: (A, exp(A h), that of a block), ``by``, (``d``, of a block).
+    """The forms of several modes along the first axis: ``square`` holds A and exp(A h) of a step and of a block.
 
-    (Guard functions, their rates), (outputs, their means), the derivatives of the means, ``steps``.
+    ``d`` holds the derivatives of both, ``guard`` the guard functions and their rates, ``shown`` outputs and means.
     """
 
     square: Floats
@@ -71,7 +71,7 @@ def columns(rows):  # type: ignore[no-untyped-def]
 
 @part
 def forms_of(modes, n, count, guards, shown, room, at):  # type: ignore[no-untyped-def]
-    """Return the forms of so many modes, cut from ``room``, and the position after them."""
+    """Return the forms of ``modes`` modes, cut from ``room``, and the position after them."""
     m, wide = n + 1, columns(count + 1)
     square, at = cut(room, at, (modes, 3, m, m))
     by, at = cut(room, at, (modes, m, m, wide))
@@ -109,7 +109,7 @@ def form_at(stored, at):  # type: ignore[no-untyped-def]
 def linearise(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
     """Write A, its derivatives and the guard functions of a mode; return False if the mode is not linear.
 
-    ``every`` holds n times "by no parameter", then the parameters; ``plain`` is a state with so many derivatives.
+    ``every`` holds n times -1 (no parameter), then the parameters; ``plain`` is a state with as many derivatives.
     Takes up to n + 3 evaluations of the rates.
     """
     a, by, z, f = form.a, form.by, plain.z, plain.f
@@ -121,7 +121,7 @@ def linearise(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
             z[j, c] = 1.0 if c == j - 1 else 0.0
     rates(plain, total, every, system, mode)
     for j in range(n + 1):
-        row = (j + 1) % (n + 1)  # the state's own row comes last: the constant forces
+        row = (j + 1) % (n + 1)  # row 0, the state itself, comes last: the constant forces
         for i in range(n):
             a[i, j] = f[row, i]
         a[n, j] = 0.0
@@ -140,7 +140,7 @@ def linearise(form, plain, every, system, mode):  # type: ignore[no-untyped-def]
                 by[i, j, 1 + k] = f[1 + n + k, i] - by[i, n, 1 + k]
         z[0, j] = 0.0
     for trial in range(2 if system.slots.shape[0] > 0 else 0):  # the two bodies alone are linear
-        side = 1.0 if trial == 0 else -1.5  # overlapping, and apart
+        side = 1.0 if trial == 0 else -1.5  # bodies overlapping, then apart
         for j in range(n):
             z[0, j] = side * (1e-4 * (3 + j) if j % 2 == 0 else 0.1 * (j - 4))
         rates(plain, total, every, system, mode)

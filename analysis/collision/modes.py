@@ -12,7 +12,7 @@ from analysis.compiled import inlined, part
 # PARTING: contact without its dashpot; OVERLAPPED: released, though the bodies still overlap
 FREE, CONTACT, PARTING, OVERLAPPED = 0, 1, 2, 3
 # Flags: spring and dashpot act, sign of the block's velocity, the plate takes part (not before the touch, nor after the
-# block has gone), the mass inside the block moves, the contact law is evaluated without its force, the phase of the
+# block has left), the mass inside the block moves, the contact law is evaluated without its force, the phase of the
 # contact; then a flag for each effect: the bodies are within its range.
 SPRING, DASH, SIGN, PLATE, INSIDE, PARTED, PHASE, NEAR_0 = 0, 1, 2, 3, 4, 5, 6, 7
 # Guard functions: the overlap xi, its rate xi', the force of the contact law, the block's velocity, and for each effect
@@ -38,7 +38,7 @@ def may_be_gone(x, y, mode):  # type: ignore[no-untyped-def]
 
 @part
 def is_gone(z, mode, system, omega):  # type: ignore[no-untyped-def]
-    """Return whether block and plate cannot meet again, for a state ``z`` and the plate's ``omega`` in rad/s."""
+    """Return whether block and plate can no longer meet, for a state ``z`` and the plate's ``omega`` in rad/s."""
     x, v, y, u = z[0], z[1], z[2], z[3]
     if not v > 0.0:
         return False
@@ -55,7 +55,7 @@ def is_gone(z, mode, system, omega):  # type: ignore[no-untyped-def]
 
 @part
 def expected_signs(mode, variant, slots, forward, signs):  # type: ignore[no-untyped-def]
-    """Write the sign of each guard function in a mode; 0: not watched, as all are before the touch."""
+    """Write the sign of each guard function in a mode; 0: not monitored, which holds for all before the touch."""
     phase = int(mode[PHASE])
     for i in range(signs.size):
         signs[i] = 0.0
@@ -97,7 +97,7 @@ def guard(item, state, system):  # type: ignore[no-untyped-def]
 
 @inlined
 def guard_rate(item, state, system):  # type: ignore[no-untyped-def]
-    """Return d/dt of a guard function; of the force only the part of spring and dashpot."""
+    """Return d/dt of a guard function; for the force, only the part of spring and dashpot."""
     if item == VELOCITY:
         return state.f[0, 1]
     if item == OVERLAP or item > VELOCITY:
@@ -111,7 +111,7 @@ def guard_rate(item, state, system):  # type: ignore[no-untyped-def]
 
 @part
 def guard_derivative(item, row, by, state, system):  # type: ignore[no-untyped-def]
-    """Return a guard function's derivative by parameter ``by``, whose derivatives of the state are in ``row``."""
+    """Return a guard function's derivative with respect to parameter ``by``; ``row`` holds those of the state."""
     if item < 3:
         return state.contact[row, item]
     if item == VELOCITY:
@@ -123,7 +123,7 @@ def guard_derivative(item, row, by, state, system):  # type: ignore[no-untyped-d
 def may_touch(value, rate, rate_there, h):  # type: ignore[no-untyped-def]
     """Return whether a guard function, positive at both ends of a step, may have been negative within it.
 
-    The criterion is twice the depth of a parabola.
+    The criterion: ``value`` is below twice the depth of a parabola with these rates.
     """
     down, up = rate * h, rate_there * h
     return down < 0.0 < up and value < down * down / (up - down)

@@ -1,9 +1,9 @@
-"""The first-order change of a solved trajectory by a frame that moves, for sines of many frequencies at once.
+"""First-order change of a solved trajectory by frame motion, for sines of many frequencies at once.
 
 In the frame's coordinates every mass feels minus the frame's acceleration.  The change of block and plate is propagated
-along a ``LinearPath``, with all effects that act there and with the jumps at its events (saltation; Leine & Nijmeijer,
-"Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7), the drive integrated by Simpson's rule.  Position
-and velocity of the frame at the first touch are left out: they only shift the shot and change its speed.
+along a ``LinearPath``, with all its effects and with the jumps at its events (saltation; Leine & Nijmeijer, "Dynamics
+and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).  The drive is integrated by Simpson's rule.  Position and
+velocity of the frame at the first touch are left out: they only shift the shot and change its speed.
 """
 
 import math
@@ -15,15 +15,15 @@ from analysis.collision.linearisation import LinearPath
 from analysis.collision.parameters import Collision, Floats
 from analysis.compiled import by_address, kernel, part
 
-_SAME = 1e-9  # relative: steps of one length
+_SAME = 1e-9  # relative difference within which two steps have the same length
 
 
 def moved_by_frame(path: LinearPath, collision: Collision, omega: Floats, samples: int) -> tuple[Floats, Floats]:
-    """Return what a moving frame adds to the block's displacement seen from it, shape (samples, 2 f).
+    """Return the contribution of frame motion to the block's displacement in the frame, shape (samples, 2 f).
 
-    The frame moves as cos(omega t) in the first f columns, as sin(omega t) in the others; ``omega``, shape (f,), in
-    rad/s, t counts from the first touch.  The second value, shape (2 f,), is the velocity that this adds to the block
-    in space, after the last event.
+    The frame moves as cos(omega t) in the first f columns and as sin(omega t) in the others; ``omega``, shape (f,), in
+    rad/s; t counts from the first touch.  The second value, shape (2 f,), is the contribution to the block's velocity
+    in space after the last event.
     """
     masses = collision.block_mass_kg, collision.plate_mass_kg
     pull = masses[0] * path.weights[..., 0] + masses[1] * path.weights[..., 1]
@@ -39,9 +39,9 @@ def moved_by_frame(path: LinearPath, collision: Collision, omega: Floats, sample
 def _follow(path, pull, omega, rows, room, which, weights, shown, after):  # type: ignore[no-untyped-def]
     """Write the change at the samples and the velocity ``after`` the last event.
 
-    ``rows``, shape (n + 3, 2 f), are the states and the frame's acceleration, reversed, at begin, middle and end of a
-    step; ``which``, shape (n + 3,), counts them; ``room``, shape (n + 2, 2 f), and ``weights``, shape (n + 3,), are
-    work space.  About 2 n ns per step and column for states of n numbers.
+    ``rows``, shape (n + 3, 2 f), are the states and minus the frame's acceleration at start, middle and end of a step;
+    ``which``, shape (n + 3,), counts the rows; ``room``, shape (n + 2, 2 f), and ``weights``, shape (n + 3,), are
+    workspace.  Takes about 2 n ns per step and column for states of n numbers.
     """
     path = by_address(path)
     n, count = path.propagator.shape[1], omega.size // 2
@@ -49,7 +49,7 @@ def _follow(path, pull, omega, rows, room, which, weights, shown, after):  # typ
     new, moved, turn = room[:n], room[n], room[n + 1]
     last, begun = math.nan, False
     for r in range(path.length_s.size):
-        if not begun and not path.early[r]:  # the steps before went back from the touch, those to come begin there
+        if not begun and not path.early[r]:  # earlier steps ran back from the touch; later ones start there
             begun = True
             for c in range(count):
                 end[c], end[count + c] = omega[c] ** 2, 0.0
@@ -87,7 +87,7 @@ def _follow(path, pull, omega, rows, room, which, weights, shown, after):  # typ
 
 @part
 def _turn(one, turn, out):  # type: ignore[no-untyped-def]
-    """Write cosines and sines, shape (2 f,), turned on by the angles whose cosines and sines ``turn`` holds."""
+    """Write cosines and sines, shape (2 f,), with phases advanced by the angles in ``turn`` (cosines and sines)."""
     count = one.size // 2
     for c in range(count):
         out[c] = one[c] * turn[c] - one[count + c] * turn[count + c]

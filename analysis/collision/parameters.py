@@ -11,11 +11,11 @@ Floats = NDArray[np.float64]
 
 
 class Infeasible(ArithmeticError):
-    """The parameters give no trajectory; a search rejects them."""
+    """No trajectory exists for the parameters; a search rejects them."""
 
 
 class Variant(IntEnum):
-    """The contact law: the action of the dashpot while the two bodies part."""
+    """The variant of the contact law: the action of the dashpot while the two bodies part."""
 
     PAPER = 0  # Eq. 4, 9: damping both ways, tension allowed until the overlap is zero
     CLAMPED = 1  # Eq. 10 as printed: no damping while the bodies part
@@ -23,7 +23,7 @@ class Variant(IntEnum):
 
     @classmethod
     def named(cls, name: str) -> "Variant":
-        """Return the variant called ``name``.  Raises ValueError, which lists them."""
+        """Return the variant called ``name``.  Raises ValueError with a list of the names."""
         try:
             return cls[name.upper()]
         except KeyError:
@@ -60,7 +60,7 @@ class Collision:
 
     @property
     def vector(self) -> Floats:
-        """Get the parameters as the kernels take them (order of ``KERNEL_ORDER``), shape (8,)."""
+        """Get the parameters in the order of ``KERNEL_ORDER``, as the kernels take them, shape (8,)."""
         return np.array([getattr(self, name) for name in KERNEL_ORDER])
 
     def at_speed(self, velocity_in_m_per_s: float) -> "Collision":

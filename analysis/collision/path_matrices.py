@@ -9,19 +9,19 @@ from analysis.collision.rates import rates
 from analysis.collision.system import Integers, state_of
 from analysis.compiled import by_address, cut, inlined, kernel, part
 
-# Inputs of a small effect: forces in N on block, plate and between them, kg on the block, displacement (m) and velocity
-# (m/s) of the contact point.
+# Inputs of a small effect: forces in N on block, on plate and between them, inertia in kg added to the block,
+# displacement (m) and velocity (m/s) of the contact point.
 INPUTS = 6
 _INERTIA = 3
-_STILL, _HELD = 1e-9, 16  # A that changes by less than this share over a step is reused for so many more
+_STILL, _HELD = 1e-9, 16  # if A changes by less than this share over a step, the next 16 reuse it
 _ROUNDING = 1e-12  # of the largest element of a row
-NONE, FRESH = -1, -2  # a step begins at the end of the one before, or afresh; otherwise at a guard function's zero
+NONE, FRESH = -1, -2  # a step starts at the previous step's end, or anew; otherwise at a guard function's zero
 
 
 class Steps(NamedTuple):
-    """Steps: states at begin, middle and end, shape (m, 3, n), lengths, and the guard functions at which they begin.
+    """Steps: states at start, middle and end, shape (m, 3, n), lengths, and the guard functions at which they start.
 
-    The mode of a step is ``modes[event]``; the last row is that before the first event (-1).
+    The mode of a step is ``modes[event]``; the last row is the mode before the first event (-1).
     """
 
     states: Floats
@@ -78,13 +78,13 @@ def _tell(system, given):  # type: ignore[no-untyped-def]
 
 @part
 def _alike(one, two):  # type: ignore[no-untyped-def]
-    """Return whether two matrices are equal within the change allowed over a step."""
+    """Return whether two matrices are equal within the change allowed for their reuse."""
     for i in range(one.shape[0]):
         size = 0.0
         for j in range(one.shape[1]):
             size = max(size, abs(one[i, j]))
         for j in range(one.shape[1]):
-            inertia = one.shape[1] == INPUTS and j == _INERTIA  # known at every point
+            inertia = one.shape[1] == INPUTS and j == _INERTIA  # evaluated at every point anyway
             if not inertia and abs(one[i, j] - two[i, j]) > _STILL * abs(one[i, j]) + _ROUNDING * size:
                 return False
     return True
@@ -92,7 +92,7 @@ def _alike(one, two):  # type: ignore[no-untyped-def]
 
 @part
 def _propagate(a0, a1, a2, h, out, work, term):  # type: ignore[no-untyped-def]
-    """Write the propagator over ``h`` by the classical Runge-Kutta method, A given at begin, middle and end."""
+    """Write the propagator over ``h`` by the classical Runge-Kutta method from A at start, middle and end."""
     n = a0.shape[0]
     for i in range(n):
         for j in range(n):
@@ -115,7 +115,7 @@ def _propagate(a0, a1, a2, h, out, work, term):  # type: ignore[no-untyped-def]
 
 @part
 def _jump(r, one, state, aside, system, steps, kick, watch):  # type: ignore[no-untyped-def]
-    """Write the jump of the state at the event with which a step begins."""
+    """Write the jump of the state at the event at which a step starts."""
     item, n, size = steps.item[r], kick.size, state.z.shape[1]
     for i in range(n):
         state.z[0, i] = steps.states[r, 0, i]
@@ -140,19 +140,19 @@ def room_for(n: int) -> int:
 def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
     """Write the matrices of every step; return False if ``room`` is too small.  About 1 us each, less if constant.
 
-    A and E that were constant over a step (most effects are linear within a mode) are reused for _HELD steps.  ``room``
-    is ``room_for`` zeros.
+    If A and E are constant over a step, as for most effects within a mode, they are reused for _HELD steps.  ``room``
+    holds ``room_for`` zeros.
     """
     system, steps, out = by_address(system), by_address(steps), by_address(out)
     n, size = out.propagator.shape[1], 4 * ((out.propagator.shape[1] + 5) // 4)
     rows = n + 6
-    one = room.ndim  # of the type of ``rows``, so that a kernel is compiled once
+    one = room.ndim  # a 1 of the type of ``rows``, so that the kernel is compiled once
     state, at = state_of(rows, size, room, 0)
     aside, at = state_of(2, size, room, at)
     state, aside = by_address(state), by_address(aside)
     for j in range(n + 2):
         state.z[1 + j, j] = 1.0
-    a, at = cut(room, at, (4, n, n))  # at begin, middle, end; at three quarters
+    a, at = cut(room, at, (4, n, n))  # at start, middle, end; at three quarters
     e, at = cut(room, at, (3, n, INPUTS))
     half, at = cut(room, at, (n, n))
     square, at = cut(room, at, (n, n))
@@ -169,7 +169,7 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
             _tell(system, out.effect_inputs[r, 0])
             hold, resting = 0, False
         rested, resting = resting, hold > 0
-        same = rested and resting  # A and E are those of the step before, but for the inertia's column
+        same = rested and resting  # as in the previous step, except the inertia column
         if linked:
             if same:
                 e[0, 1, _INERTIA] = e[2, 1, _INERTIA]
@@ -204,7 +204,7 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
             continue
         for j in range(n):
             for m in range(n):
-                a[3, j, m] = 0.375 * a[2, j, m] + 0.75 * a[1, j, m] - 0.125 * a[0, j, m]  # on a parabola
+                a[3, j, m] = 0.375 * a[2, j, m] + 0.75 * a[1, j, m] - 0.125 * a[0, j, m]  # by a parabola
         _propagate(a[0], a[1], a[2], length, out.propagator[r], square, term)
         _propagate(a[1], a[3], a[2], 0.5 * length, half, square, term)
         for j in range(n):
@@ -228,7 +228,7 @@ def _put(one, to):  # type: ignore[no-untyped-def]
 
 @part
 def _weigh_again(r, at, e, half, out):  # type: ignore[no-untyped-def]
-    """Write a step's matrices if only the column of the inertia differs from the step before."""
+    """Write a step's matrices when only the inertia column differs from the previous step."""
     n = half.shape[0]
     _put(out.propagator[r - 1], out.propagator[r])
     for point in range(3):

@@ -1,10 +1,10 @@
 """The stepper in closed form, for equations that are linear in the state: the two bodies and most effects.
 
-Within a mode s' = A s, the state augmented by a constant 1.  A and dA/dtheta come from the equations (``rates``) at
-unit states; every step is exp(A h) as a Taylor series, and so are the derivatives by the parameters, S' = A S +
-(dA/dtheta) s.  The solution is exact to rounding for any step, where a Runge-Kutta method needs a dozen evaluations
-every quarter of a radian.  Linearity is checked at other states in every mode; a mode that is not linear is left to
-``runge_kutta``.
+Within a mode s' = A s, with the state augmented by a constant 1.  A and dA/dtheta come from the equations (``rates``)
+at unit states.  Every step is exp(A h) as a Taylor series; the derivatives S with respect to the parameters follow in
+the same way from S' = A S + (dA/dtheta) s.  The solution is exact to rounding for any step, whereas a Runge-Kutta
+method needs a dozen evaluations every quarter of a radian.  Linearity is checked at other states in every mode.  Modes
+that are not linear are left to ``runge_kutta``.
 """
 
 import math
@@ -56,19 +56,19 @@ from analysis.compiled import by_address, cut, cut_integers, inlined, part
 
 _STEP = 0.7  # longest step times the fastest rate: nine steps per period, so that no touch is missed
 _LONGEST_S = 1e-3
-_SHORTEST = 2e-6  # of the time from the touch to the furthest sample: of steps as short as this it takes half a million
-_MODES = 16  # whose matrices are stored
+_SHORTEST = 2e-6  # shortest step as a share of the time from touch to furthest sample: at most half a million steps
+_MODES = 16  # number of modes whose matrices are stored
 # Indices into ``at``: the present mode, the number of modes met, steps left to the next sample, first sample of a block
 # that must be checked step by step.
 NOW, MET, LEFT, CAREFUL = 0, 1, 2, 3
 
 
 class Propagator(NamedTuple):
-    """``swings``: the fastest rates in rad/s in contact, apart, after the block has gone, and before the touch.
+    """``swings``: the fastest rates in rad/s in contact, apart, after the block has left, and before the touch.
 
-    ``kept``: the matrices of the ``modes`` met, shape (16, flags); ``z``: the state and its derivatives as columns, now
-    and a step ahead, shape (2, n + 1, rows up to a multiple of four); ``active``: the number of watched guard
-    functions, and which they are.
+    ``kept``: the matrices of the ``modes`` met so far, shape (16, flags); ``z``: the state and its derivatives as
+    columns, now and a step ahead, shape (2, n + 1, rows up to a multiple of four); ``active``: the number of monitored
+    guard functions, then their indices.
     """
 
     swings: Floats
@@ -114,7 +114,7 @@ def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-de
 
 @part
 def _learn(stepper, form, system, mode, block, forward):  # type: ignore[no-untyped-def]
-    """Write the matrices of a mode that is met for the first time; return False if it is not linear."""
+    """Write the matrices of a mode at its first occurrence; return False if it is not linear."""
     if not linearise(form, stepper.plain, stepper.every, system, mode):
         return False
     rows, swings, apart, there = system.which.size + 1, stepper.swings, mode[PHASE] == FREE, mode[PLATE] > 0.5
@@ -127,7 +127,7 @@ def _learn(stepper, form, system, mode, block, forward):  # type: ignore[no-unty
     for c in range(form.shown.shape[1]):
         for j in range(form.shown.shape[0]):
             form.shown[j, c] = 1.0 if c == (j if j < 4 else j - 1) else 0.0
-        # the contact point is the block's position plus the overlap; after the block has gone, the plate
+        # the contact point is the block's position plus the overlap; after the block has left, the plate
         form.shown[4, c] = (form.guard[OVERLAP, c] if there else 0.0) if c != 0 and c != 2 else 0.0
     form.shown[4, 2] = 1.0
     if block > 1 and pieces == 1:
@@ -154,7 +154,7 @@ def _crosses(z, z_end, h, form, active, signs):  # type: ignore[no-untyped-def]
 
 @part
 def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
-    """Return whether a guard function may pass zero in a block, from the state at every sample."""
+    """Return whether a guard function may pass zero within a block, from the state at each of its samples."""
     near, further = stepper.room.single[0], stepper.room.single[1]
     for c in range(z.shape[0]):
         near[c, 0] = further[c, 0] = z[c, 0]
@@ -176,7 +176,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     z, z_end, odd = stepper.z[0], stepper.z[1], False
     i, t, left, h, why = ahead.i, motion.clock[TIME], stepper.at[LEFT], 0.0, DONE
     omega, steps_left = math.sqrt(system.p[0] / system.p[1]), motion.clock[STEPS_LEFT]
-    way, edge = (1, 0) if forward else (-1, block - 1)  # where a block begins
+    way, edge = (1, 0) if forward else (-1, block - 1)  # direction, and the first sample of a block in it
     while (i <= last) if forward else (i >= last):
         if forward and may_be_gone(z[0, 0], z[2, 0], motion.mode):
             _lay(z, motion.here, 1)
@@ -252,7 +252,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
 
 @inlined
 def _lay(z, state, rows):  # type: ignore[no-untyped-def]
-    """Write the first columns to the rows of a state."""
+    """Copy the first ``rows`` columns to the rows of a state."""
     for k in range(rows):
         for c in range(z.shape[0] - 1):
             state.z[k, c] = z[c, k]
@@ -260,7 +260,7 @@ def _lay(z, state, rows):  # type: ignore[no-untyped-def]
 
 @inlined
 def _emit(z, form, row, share, rows, record):  # type: ignore[no-untyped-def]
-    """Add a sample to the mean of its block."""
+    """Write a sample, or add it to the mean of its block."""
     states, d_x = record.states, record.d_x
     sums = share < 1.0
     for j in range(4):
@@ -281,13 +281,13 @@ def reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
 
 @part
 def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
-    """Return ``i``: steps end at samples, so there is none within a step."""
+    """Return ``i``: steps end at samples, so no sample lies within a step."""
     return i
 
 
 @part
 def _spacing(times):  # type: ignore[no-untyped-def]
-    """Return the spacing of the times, or of the first two if it is uneven; more where a solution would take an age."""
+    """Return the spacing of the times, or of the first two if it is uneven; longer if the steps would be too many."""
     samples = times.size
     if samples < 2:
         return _LONGEST_S
@@ -320,7 +320,7 @@ def stepper_of(system, record, swings, room, at):  # type: ignore[no-untyped-def
 
 
 def room_for(n: int, count: int, effects: int, shown: int) -> int:
-    """Return the largest size of a stepper's arrays; ``shown`` is the number of outputs."""
+    """Return the upper limit of the size of a stepper's arrays; ``shown`` is the number of outputs."""
     m, guards = n + 1, RANGE_0 + effects
     wide: int = columns.py_func(count + 1)
     form = m * m * (3 + 3 * wide) + 2 * m * (guards + shown) + m * wide + 4

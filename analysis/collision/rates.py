@@ -1,7 +1,7 @@
 """The equations of motion: d/dt of block, plate and the effects' hidden states, with derivatives (kernels).
 
-``state_rates`` evaluates them in real numbers; ``rates`` adds the derivatives by the parameters.  The base model's
-derivatives are written out; those of the effects come from complex steps through their functions, so that an effect
+``state_rates`` evaluates them in real numbers; ``rates`` adds the derivatives with respect to the parameters.  Those of
+the base model are written out.  Those of the effects come from complex steps through their functions, so that an effect
 needs only its equation.
 """
 
@@ -35,14 +35,14 @@ from analysis.collision.modes import DASH, INSIDE, NEAR_0, PARTED, PLATE, SIGN, 
 from analysis.collision.system import FIRST, HIDDEN, IS_PAIR, MOVES, ON_PLATE_SIDE, RIDES
 from analysis.compiled import inlined, part
 
-_H = 1e-40  # the complex step: far below any rounding, far above the smallest number even squared with an exponent
+_H = 1e-40  # the complex step: far below rounding, and far above the smallest float even when raised to a power
 
 
 @part
 def rates(state, rows, which, system, mode):  # type: ignore[no-untyped-def]
     """Write d/dt of a state and of ``rows - 1`` derivatives, and their contact; return the block's inertia in kg.
 
-    About 10 ns, and 15 ns per effect; a derivative 15 ns, and 20 ns for each effect in it.
+    Takes about 10 ns plus 15 ns per effect, and for each derivative 15 ns plus 20 ns per effect.
     """
     mass = state_rates(state, system, mode)
     if rows > 1:
@@ -60,7 +60,7 @@ def _call_effect(slot, s, p, functions, slots):  # type: ignore[no-untyped-def]
 
 @inlined
 def _takes_part(slot, slots, flags):  # type: ignore[no-untyped-def]
-    """Return whether an effect acts in this mode; before the touch those of the plate and inside the block do not."""
+    """Return whether an effect acts in this mode; before the touch, effects on the plate or inside the block do not."""
     if slots[slot, IS_PAIR] > 0.5:
         return flags[PLATE] > 0.5 or flags[NEAR_0 + slot] > 0.5
     if slots[slot, ON_PLATE_SIDE] > 0.5:
@@ -79,7 +79,7 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
         if slots[slot, MOVES] != 0.0:
             xi += slots[slot, MOVES] * z[0, 4 + 2 * slot]
             xi_rate += slots[slot, MOVES] * z[0, 5 + 2 * slot]
-    # released though the bodies overlap (a contact that never pulls): the law is evaluated, but no force acts
+    # released while the bodies overlap (a contact that never pulls): the law is evaluated, but no force acts
     parted = flags[PARTED] > 0.5
     touching = 1.0 if parted else flags[SPRING]
     dash = 1.0 if parted else flags[DASH]
@@ -126,7 +126,7 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
 
 @inlined
 def _fill(row, state, system, flags):  # type: ignore[no-untyped-def]
-    """Write the inputs of all effects: the state in the real parts, its derivative of this row in the imaginary."""
+    """Write the inputs of all effects: the state as real parts, its derivative of this row as imaginary parts."""
     z, contact, p, s = state.z, state.contact, system.p_complex, system.effect_input_complex
     s[X] = complex(z[0, 0], _H * z[row, 0])
     s[V] = complex(z[0, 1], _H * z[row, 1])

@@ -1,10 +1,10 @@
 """The stepper for any effect: a Runge-Kutta method of order eight with steps well below the mode's fastest period.
 
-A step that passes a guard function is rejected, and the event is approached in shorter and shorter steps; after it the
-steps grow again.  When the oscillation of the contact has decayed they grow further, as far as the interpolation of the
-displacement allows.  The error is 1e-10 of the displacement for a law that is not smooth where the overlap begins (an
-exponent), 1e-12 for smooth ones.  The derivatives by the parameters use the same steps.  Between steps the displacement
-is the quintic through position, velocity and acceleration at both ends.
+A step in which a guard function passes zero is rejected, and the event is approached in ever shorter steps; after it
+the steps grow again.  When the oscillation of the contact has decayed, they grow as far as the interpolation of the
+displacement allows.  The error is 1e-10 of the displacement for a law that is not smooth at the start of the overlap
+(an exponent), 1e-12 for smooth ones.  The derivatives with respect to the parameters use the same steps.  Between steps
+the displacement is the quintic through position, velocity and acceleration at both ends.
 """
 
 import math
@@ -34,32 +34,32 @@ from analysis.compiled import add_product, by_address, cut, four_of, inlined, pa
 
 Places = NDArray[np.int64]
 _SHRINK = 0.25
-_SLOWLY = 6  # steps without growth after a rejected one
-# Indices into ``memory``: the next step, the longest safe step in this mode, the longest step of all, number of steps
-# that must not grow, and the motion's sixth derivative over 720 (below zero: unknown).
+_SLOWLY = 6  # number of steps without growth after a rejected step
+# Indices into ``memory``: the next step, the longest safe step in this mode, the longest step of all, the number of
+# steps that must not grow, and the motion's sixth derivative over 720 (below zero: unknown).
 STEP, LONGEST, EVER, HELD, SIXTH = 0, 1, 2, 3, 4
 _MEMORY = 5
-# Indices into ``limits``: the first of the safe steps and of the rates, one per mode (see ``_mode_at``), and the rest.
+# Indices into ``limits``: the first of the safe steps and of the rates, one per mode (``_mode_at``), then the others.
 SAFE, SWINGS, EFFECTS, GROWTH, NEARING, ALLOWED, SHORTEST = 0, 4, 8, 9, 10, 11, 12
-_COSTS = 20.0  # times the time of a step in closed form
+_COSTS = 20.0  # computing time of a step, in steps of the closed form
 _RADIANS = 2.0  # largest phase step of the fastest oscillation once it has decayed: the method is stable up to three
-_MIDWAY = 1.0 / 64.0  # of the sixth derivative over 720, times h^6: error of a quintic between two states
+_MIDWAY = 1.0 / 64.0  # error of a quintic midway between two states, in units of h^6 times sixth derivative over 720
 _PLATE = 0.02  # weight of an error of the plate relative to one of the block
-_NEARING = 0.4  # of the distance to the next touch or release, for a step longer than safe
+_NEARING = 0.4  # largest share of the distance to the next touch or release for a step longer than safe
 _CHANGE = 1e-3  # relative change of a parameter at which the error of a derivative is judged
 _FORGOTTEN = 0.5  # decay per radian of the remembered sixth derivative, which passes zero twice per period
-_SUDDEN = 4.0  # growth of the sixth derivative that means a kink: the step is repeated as a safe one
-_REFUSED = 30.0  # times the allowed error: the step is repeated as a safe one
+_SUDDEN = 4.0  # growth of the sixth derivative that indicates a kink: the step is repeated as a safe one
+_REFUSED = 30.0  # times the allowed error, above which the step is repeated as a safe one
 
 
 class RungeKutta(NamedTuple):
     """The arrays of the stepper.
 
-    ``limits``: safe step in s in contact, apart, after the block has gone, and before the touch, and the fastest rate
-    then in rad/s; the longest step that the effects allow; the growth factor of steps; the largest share of the
-    distance to the next touch or release (0: no limit); the allowed error in m of a step longer than safe; and the
-    length of the last step before an event as a share of a safe step.  Then the stages' weights times the step, their
-    rates (the first are those of ``here``), and a stage's state.
+    ``limits``: safe step in s in contact, apart, after the block has left, and before the touch; the fastest rate in
+    rad/s in each; the longest step that the effects allow; the growth factor of steps; the largest share of the
+    distance to the next touch or release (0: no limit); the allowed error in m of a step longer than safe; the length
+    of the last step before an event as a share of a safe step.  ``scaled``: the stages' weights times the step;
+    ``slopes``: the stages' rates (the first are those of ``here``); ``trial``: a stage's state.
     """
 
     limits: Floats
@@ -72,9 +72,9 @@ class RungeKutta(NamedTuple):
 def _cooper_verner() -> tuple[Places, Places, Floats]:
     """Return the explicit Runge-Kutta method of order 8 in 11 stages as (stage, begins, weights) of its terms.
 
-    Only terms that are not zero, stage by stage (from the second on), the new state's last: those of the i-th are
-    ``begins[i - 1]`` to ``begins[i]``.  G. J. Cooper and J. H. Verner, SIAM J. Numer. Anal. 9 (1972) 389.  Closed form
-    in sqrt(21).
+    Only nonzero terms are listed, stage by stage from the second on, with those of the new state last.  The terms of
+    the i-th are ``begins[i - 1]`` to ``begins[i]``.  G. J. Cooper and J. H. Verner, SIAM J. Numer. Anal. 9 (1972) 389;
+    closed form in sqrt(21).
     """
     r = math.sqrt(21.0)
     rows: list[dict[int, float]] = [
@@ -115,7 +115,7 @@ def _combine(z, slopes, scaled, stage, rows, out):  # type: ignore[no-untyped-de
 
 @part
 def _step(stepper, system, here, there, mode, h, rows):  # type: ignore[no-untyped-def]
-    """Write the state ``h`` after ``here``, its rates and contact to ``there``."""
+    """Write the state at ``h`` after ``here``, with its rates and contact, to ``there``."""
     slopes, scaled = stepper.slopes, stepper.scaled
     for j in range(scaled.size):
         scaled[j] = h * _WEIGHTS[j]
@@ -146,7 +146,7 @@ def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-de
 
 @inlined
 def _mode_at(mode, forward):  # type: ignore[no-untyped-def]
-    """Return the place of a mode among the limits."""
+    """Return the index of a mode among the limits."""
     if not forward:
         return 3
     return 0 if mode[PHASE] != FREE else (1 if mode[PLATE] > 0.5 else 2)
@@ -163,14 +163,14 @@ def _fifth(one, other, place, row, h):  # type: ignore[no-untyped-def]
 
 @inlined
 def _still_enough(stepper, system, here, there, swing, h):  # type: ignore[no-untyped-def]
-    """Return whether the error of a step is allowed, and remember the sixth derivative for the next one.
+    """Return whether the error of a step is allowed, and store the sixth derivative for the next step.
 
-    For an oscillation of rate ``swing`` the error of the quintic goes with the sixth derivative and that of the method
-    with the ninth; a safe step is always accepted.  Derivatives by parameters count as a change of a thousandth.
+    For an oscillation of rate ``swing``, the quintic's error scales with the sixth derivative and the method's error
+    with the ninth.  A safe step is always accepted.  Derivatives count as a parameter change of a thousandth.
     """
     memory, allowed = stepper.memory, stepper.limits[ALLOWED]
     longest, ever = memory[LONGEST], memory[EVER]
-    if h < 0.5 * longest or ever <= longest:  # too short to estimate the error, or no longer step is possible
+    if h < 0.5 * longest or ever <= longest:  # too short for an error estimate, or no longer step is possible
         return True
     fifth = max(_fifth(here, there, 0, 0, h), _PLATE * _fifth(here, there, 2, 0, h))
     for row in range(1, system.which.size + 1):

@@ -14,18 +14,18 @@ SLOT_PARAMETERS = 8
 IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST, RATE_AT = 0, 1, 2, 3, 4, 5, 6, 7
 SLOT_COLUMNS = 8
 MAX_EVENTS = 400
-STEPS_IN_ALL, STEPS_A_SAMPLE = 1e6, 10.0  # limits of a solution: a fifth of a second, where a usual one takes 1 ms
+STEPS_IN_ALL, STEPS_A_SAMPLE = 1e6, 10.0  # step limits: a fifth of a second, where a usual solution takes 1 ms
 DONE, AT_A_GUARD, GONE, AWAY, ENDLESS = 0, 1, 2, 3, 4  # why a stepper stopped
-TIME, LEFT_AT, STEPS_LEFT = 0, 1, 2  # of the clock
+TIME, LEFT_AT, STEPS_LEFT = 0, 1, 2  # indices into ``clock``
 
 
 class System(NamedTuple):
     """A collision and its effects; ``p`` holds ``parameters.KERNEL_ORDER``, then the parameters of each effect slot.
 
-    ``slots``, shape (effects, 8), describe how each acts; ``functions``, shape (2, effects), are the effects'
-    addresses, compiled for real and for complex numbers; ``which`` are the indices in ``p`` by which derivatives are
-    taken.  ``p_complex`` is ``p`` in complex numbers; ``effect_input`` and ``effect_input_complex`` are the inputs of
-    an effect, followed by its outputs.
+    ``slots``, shape (effects, 8), describe how each acts; ``functions``, shape (2, effects), are the addresses of the
+    effects compiled for real and for complex numbers; ``which`` are the indices in ``p`` of the parameters in which
+    derivatives are taken.  ``p_complex`` is ``p`` in complex numbers; ``effect_input`` and ``effect_input_complex``
+    hold the inputs of an effect, followed by its outputs.
     """
 
     p: Floats
@@ -33,7 +33,7 @@ class System(NamedTuple):
     functions: Integers
     which: Integers
     variant: int
-    numbers: int  # in a state: four of block and plate, two of each slot up to the last with a hidden state
+    numbers: int  # length of a state: four for block and plate, two per slot up to the last with a hidden state
     effect_input: Floats
     p_complex: Any
     effect_input_complex: Any
@@ -42,7 +42,7 @@ class System(NamedTuple):
 class State(NamedTuple):
     """A state with its rates: ``z`` and ``f``, shape (rows, size), and its ``contact``, shape (rows, 3).
 
-    Row 0 of ``z`` is (x_b, v_b, x_p, v_p, q_0, w_0, q_1, w_1, ...), row j its derivative by ``which[j - 1]``;
+    Row 0 of ``z`` is (x_b, v_b, x_p, v_p, q_0, w_0, q_1, w_1, ...), row j its derivative in ``which[j - 1]``;
     ``contact`` is (xi, xi', force of the contact law) and their derivatives.
     """
 
@@ -52,12 +52,12 @@ class State(NamedTuple):
 
 
 class Motion(NamedTuple):
-    """The progress of a solution: the state at the beginning of a step, the one at its end, and one for other uses.
+    """The progress of a solution: the state at the start of a step, the one at its end, and one for other uses.
 
     ``mode`` are the flags of the mode, ``signs`` the signs of the guard functions in it, ``ends`` the guard functions
-    and their rates after a step, ``clock`` the time, that at which the plate began to oscillate freely, and the number
-    of steps left; ``nothing`` is [-1]: derivatives by no parameter.  Its size is a one that has the type of other
-    numbers of rows, so that a kernel is compiled once for them.
+    and their rates after a step.  ``clock`` holds the time, the start time of the plate's free oscillation, and the
+    number of steps left.  ``nothing`` is [-1]: derivatives in no parameter.  Its size is a 1 of the same type as other
+    numbers of rows, so that a kernel is compiled once for all of them.
     """
 
     here: State
@@ -71,7 +71,7 @@ class Motion(NamedTuple):
 
 
 class Ahead(NamedTuple):
-    """The next sample and the last, the direction in time, and whether guards are ignored in the next step."""
+    """The next and the last sample, the direction in time, and whether guards are ignored in the next step."""
 
     i: int
     last: int
@@ -80,10 +80,10 @@ class Ahead(NamedTuple):
 
 
 class Record(NamedTuple):
-    """The requested times and the solution: states, shape (m, 5 or more), as means over ``block`` of ``times``.
+    """The requested times and the solution: ``states``, shape (m, 5 or more), as means over ``block`` of ``times``.
 
     States are (x_b, v_b, x_p, v_p, contact point, hidden states if there are columns for them); ``d_x``, shape (m, k),
-    the derivatives of x_b; then every event's time, kind, state and mode, dt/dtheta and d(state at the event)/dtheta.
+    are the derivatives of x_b.  Then every event's time, kind, state, mode, dt/dtheta and d(state at the event)/dtheta.
     """
 
     times: Floats
@@ -109,7 +109,7 @@ def state_of(rows, size, room, at):  # type: ignore[no-untyped-def]
 
 @part
 def take(here, there, rows):  # type: ignore[no-untyped-def]
-    """Copy ``there`` to ``here``, the beginning of the next step."""
+    """Copy ``there`` to ``here``, the start of the next step."""
     for j in range(rows):
         for c in range(here.z.shape[1]):
             here.z[j, c], here.f[j, c] = there.z[j, c], there.f[j, c]

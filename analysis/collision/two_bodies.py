@@ -1,4 +1,4 @@
-"""Steps two bodies without hidden states from sample to sample, with the propagator in registers (kernels)."""
+"""Step two bodies without hidden states from sample to sample, with the propagator in registers (kernels)."""
 
 from analysis.collision.matrices import STEP_S
 from analysis.collision.modes import OVERLAP, VELOCITY, may_be_gone
@@ -7,7 +7,7 @@ from analysis.compiled import inlined, part
 
 @inlined
 def _along(g, sign):  # type: ignore[no-untyped-def]
-    """Return the coefficients of a row, that of the constant last."""
+    """Return the coefficients of a row times ``sign``, with that of the constant last."""
     return sign * g[0], sign * g[1], sign * g[2], sign * g[3], sign * g[4]
 
 
@@ -15,8 +15,8 @@ def _along(g, sign):  # type: ignore[no-untyped-def]
 def glide(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped-def]
     """Step block and plate while the grid is even and no guard function (at most two) may pass zero.
 
-    Returns (next sample, time reached); ``z`` is the state, shape (5, 1).  The same arithmetic as ``step_alone``, about
-    10 ns per sample.
+    Returns (next sample, time reached); ``z`` is the state, shape (5, 1).  Uses the arithmetic of ``step_alone``; takes
+    about 10 ns per sample.
     """
     h, states, times, signs = form.steps[STEP_S], record.states, record.times, motion.signs
     e00, e01, e02, e03, e04 = _along(form.e[0], 1.0)
@@ -27,7 +27,7 @@ def glide(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped
     two = active[2] if watched > 1 else one
     a0, a1, a2, a3, a4 = _along(form.guard[one], signs[one])
     b0, b1, b2, b3, b4 = _along(form.guard[two], signs[two])
-    # two zeros of the velocity within one step are not looked for, because their effect is negligible
+    # two zeros of the velocity within one step are ignored, because their effect is negligible
     r0, r1, r2, r3, r4 = _along(form.guard_rate[one], 0.0 if one == VELOCITY else signs[one] * h)
     s0, s1, s2, s3, s4 = _along(form.guard_rate[two], 0.0 if two == VELOCITY else signs[two] * h)
     x, v, y, u = z[0, 0], z[1, 0], z[2, 0], z[3, 0]
@@ -66,8 +66,8 @@ def glide(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped
 def glide_in_blocks(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped-def]
     """Step block and plate from mean to mean as ``glide`` does from sample to sample.
 
-    Returns (next sample, time reached); about 30 ns per mean.  Two zeros of a guard function within a block are found
-    from its rate only.
+    Returns (next sample, time reached); takes about 30 ns per mean.  Two zeros of a guard function within a block are
+    detected only by the sign of its rate.
     """
     block, bit, states, times, signs = record.block, form.steps[STEP_S], record.states, record.times, motion.signs
     h = block * bit

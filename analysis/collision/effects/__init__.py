@@ -8,13 +8,13 @@ from analysis.collision.effects.row import Effect
 CATALOGUE: Mapping[str, Effect] = {
     row.name: row for rows in (on_block.ROWS, on_plate.ROWS, in_contact.ROWS, on_sensor.ROWS) for row in rows
 }
-NUISANCES: Mapping[str, Effect] = {row.name: row for row in on_block.NUISANCES}  # per shot, and never a finding
+NUISANCES: Mapping[str, Effect] = {row.name: row for row in on_block.NUISANCES}  # fitted per shot, and never a finding
 WIDER: Mapping[str, Effect] = {row.name: row for row in on_sensor.WIDER}  # tried if the effect they widen was found
 MOST_AT_ONCE = 3
 
 
 def findings(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """Return those effects that a diagnosis may find: all but the nuisances."""
+    """Return those effects that a diagnosis may report as findings: all except the nuisances."""
     nuisances = set(NUISANCES.values())
     return tuple(effect for effect in effects if effect not in nuisances)
 
@@ -22,7 +22,7 @@ def findings(effects: Iterable[Effect]) -> tuple[Effect, ...]:
 def sensors(effects: Iterable[Effect]) -> list[Effect]:
     """Return those effects that act on the measured path, in the order in which they act.
 
-    The cyclic error comes last, as it depends on the path with lag and vibration.
+    The cyclic error comes last, because it depends on the path that already includes lag and vibration.
     """
     wanted = set(effects)
     places = [row for row in CATALOGUE.values() if row.sensor is not None]
@@ -32,7 +32,7 @@ def sensors(effects: Iterable[Effect]) -> list[Effect]:
 
 
 def named(name: str) -> Effect:
-    """Return the effect of the catalogue called ``name``.  Raises ValueError."""
+    """Return the effect called ``name`` in the catalogue.  Raises ValueError."""
     for rows in (CATALOGUE, NUISANCES, WIDER):
         if name in rows:
             return rows[name]
@@ -40,5 +40,5 @@ def named(name: str) -> Effect:
 
 
 def effects_named(effects: Iterable[Effect | str]) -> tuple[Effect, ...]:
-    """Return effects, some of which a script gives by their names in the catalogue.  Raises ValueError."""
+    """Return effects, after looking up those that a script gives by catalogue name.  Raises ValueError."""
     return tuple(named(effect) if isinstance(effect, str) else effect for effect in effects)

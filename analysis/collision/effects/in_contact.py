@@ -6,7 +6,7 @@ from analysis.collision.effects.kernel import CONTACT_STIFFNESS, NEAR, PAIR, TOU
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.parameters import Collision, Floats
 
-REFERENCE_OVERLAP_M = 50e-6  # xi_0, at which both laws are equal; about the paper's largest overlap
+REFERENCE_OVERLAP_M = 50e-6  # xi_0, at which power law and linear law are equal; about the paper's largest overlap
 
 
 def contact_exponent(s: Any, p: Any, out: Any) -> None:
@@ -24,19 +24,19 @@ def nonlinear_contact_damping(s: Any, p: Any, out: Any) -> None:
 def adhesion(s: Any, p: Any, out: Any) -> None:
     """Add an attraction -F_a while the gap is smaller than d; p = (F_a in N, d in m).
 
-    It acts on approach and retreat, so its net work is zero; the simplest form of a capillary bridge.  "Velocity in" is
-    that of the flight before the gap is d, and the touch is where that flight would lead.
+    It acts on approach and retreat, so its net work is zero: the simplest model of a capillary bridge.  "Velocity in"
+    is the velocity of the flight before the gap is d; the touch is where that flight would reach the plate.
     """
     out[PAIR] -= p[0] * s[NEAR].real
 
 
 def exponent_factor(values: Floats, _collision: Collision) -> float:
-    """Return by how much another exponent may stiffen the contact, up to four times the reference overlap."""
+    """Return the factor by which another exponent may stiffen the contact, up to four times the reference overlap."""
     return (1 + abs(float(values[0]))) * 4 ** abs(float(values[0]))
 
 
 def overlap_damping_rate(values: Floats, collision: Collision) -> float:
-    """Return the rate of a dashpot of so many N s/m^2 at the reference overlap."""
+    """Return the damping rate at the reference overlap; ``values`` are (c in N s/m^2)."""
     inverse = 1 / collision.block_mass_kg + 1 / collision.plate_mass_kg
     return REFERENCE_OVERLAP_M * float(values[0]) * inverse
 

@@ -1,11 +1,11 @@
 """The contract of all mechanical effects: the inputs of an effect's function, and the outputs to which it adds.
 
-An effect is ``def name(s, p, out)``: ``s`` is the state with the indices below, ``p`` its up to three parameters, and
-it adds to ``out``.  It is compiled twice: with real numbers for the motion and for the searches of the diagnosis, and
-with complex numbers, whose imaginary parts carry one derivative (the complex step, exact to rounding).  The function
-must therefore be analytic within a mode: it uses ``s[SIGN_V].real`` as the sign of the velocity, compares real parts
-only, and takes ``sine`` and ``power`` from here (numpy's ``exp``, ``log`` and the like work for both).  The solver does
-not change for a new effect.
+An effect is ``def name(s, p, out)``: ``s`` is the state with the indices below, ``p`` holds up to three parameters, and
+the function adds to ``out``.  It is compiled twice: with real numbers for the motion and for the searches of the
+diagnosis, and with complex numbers, whose imaginary parts carry one derivative (the complex step, exact to rounding).
+The function must therefore be analytic within a mode: it uses ``s[SIGN_V].real`` as the sign of the velocity, compares
+real parts only, and takes ``sine`` and ``power`` from here (numpy's ``exp`` and ``log`` work for both).  A new effect
+requires no change of the solver.
 """
 
 import math
@@ -22,10 +22,10 @@ from numba.extending import intrinsic, overload
 # Inputs: positions and velocities of block and plate from the undeflected rest, SI units.
 X, V, Y, U = 0, 1, 2, 3
 XI, XI_RATE = 4, 5  # overlap of contact point and block, and its rate; negative overlap: a gap
-FORCE = 6  # total contact force on the block; not yet known to an effect between the bodies
+FORCE = 6  # total contact force on the block; 0 for effects between the bodies, which contribute to it
 Q, W = 7, 8  # the effect's own hidden state
 SIGN_V = 9  # +1 or -1, which changes exactly when the block's velocity changes its sign
-NEAR = 10  # 1 while the gap is smaller than the effect's range; it changes exactly there
+NEAR = 10  # 1 while the gap is smaller than the effect's range; it changes exactly at the range
 TOUCHING = 11  # 1 in contact
 PLATE_STIFFNESS, CONTACT_STIFFNESS, BLOCK_MASS = 12, 13, 14
 STATES = 15
@@ -38,7 +38,7 @@ Q_RATE, W_RATE = 3, 4  # d/dt of the hidden state
 MASS = 5  # added to the block's inertia in kg
 OUTPUTS = 6
 
-WRITTEN = "law"  # file name of functions that the program generated, whose names are digests of their text
+WRITTEN = "law"  # file name of generated functions; their names are digests of their text
 
 Kernel = Callable[[Any, Any, Any], None]
 
@@ -47,7 +47,7 @@ _compiling = Lock()
 
 
 def _compiled(function: Kernel, number: Any) -> Any:
-    # two threads that both miss the cache would compile twice, and free the address that one of them uses
+    # two threads that both miss the cache would compile twice, and free an address that is in use
     with _compiling:
         return _compiled_once(function, number)
 
@@ -62,7 +62,7 @@ def _compiled_once(function: Kernel, number: Any) -> Any:
 
 
 def address(function: Kernel) -> int:
-    """Return the address of the effect compiled for real numbers; compiling takes 0.2 s, and is cached."""
+    """Return the address of the effect compiled for real numbers; compilation takes 0.2 s and is cached."""
     return int(_compiled(function, types.float64).address)
 
 
@@ -89,7 +89,7 @@ def _call(_context: Any, at: Any, s: Any, p: Any, out: Any) -> Any:
 
 
 def _call_within(_context: Any, at: Any, s: Any, p: Any, first: Any) -> Any:
-    """Call the effect at an address (for kernels): parameters from ``p[first]`` on, outputs after inputs in ``s``."""
+    """Call the effect at an address (for kernels): parameters start at ``p[first]``, outputs follow inputs in ``s``."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         state, values = (
@@ -107,10 +107,10 @@ call_within: Any = intrinsic(_call_within)
 
 
 def kernel_function(name: str, of_reals: Callable[..., Any], carrying: Callable[..., Any] | None = None) -> Any:
-    """Return a function that only kernels can call: ``of_reals``, or ``carrying`` where an argument is complex.
+    """Return a function that only kernels can call: ``of_reals``, or ``carrying`` if an argument is complex.
 
-    The imaginary parts carry a derivative, which ``carrying`` multiplies by the function's slope: that is faster than
-    the library's complex functions, and right where those are defined otherwise.  Without it the first serves both.
+    The imaginary parts carry a derivative, which ``carrying`` multiplies by the function's slope.  This is faster than
+    the library's complex functions, and correct where their definition differs.  By default ``of_reals`` serves both.
     """
 
     def function(*_: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Effects on the block, in flight as in contact: friction, drag, bearing and tilt, an internal mode."""
+"""Effects on the block, in flight and in contact: friction, drag, bearing and tilt, an internal mode."""
 
 import math
 from typing import Any
@@ -15,12 +15,12 @@ def coulomb_friction(s: Any, p: Any, out: Any) -> None:
 
 
 def viscous_drag(s: Any, p: Any, out: Any) -> None:
-    """Add -c v; p = (c in N s/m).  The shear of a bearing's air film (Newtonian, laminar)."""
+    """Add -c v; p = (c in N s/m).  Shear of the bearing's air film (Newtonian, laminar)."""
     out[ON_BLOCK] -= p[0] * s[V]
 
 
 def quadratic_drag(s: Any, p: Any, out: Any) -> None:
-    """Add -c v |v|; p = (c in N s^2/m^2).  Rayleigh's drag of a blunt body in air."""
+    """Add -c v |v|; p = (c in N s^2/m^2).  Rayleigh's drag on a blunt body in air."""
     out[ON_BLOCK] -= p[0] * s[V] * s[V] * s[SIGN_V].real
 
 
@@ -52,12 +52,12 @@ def block_mode(s: Any, p: Any, out: Any) -> None:
 def flight_acceleration(s: Any, p: Any, out: Any) -> None:
     """Add m_b a, a = p[0] on the way in and p[1] on the way out; p = (both in m/s^2), different in every shot.
 
-    The track may be bent or tilted where this shot flew, and air and cable differ: no law that the shots share.
+    The track may be bent or tilted where this shot flew, and air and cable differ: the shots share no law of it.
     """
     out[ON_BLOCK] += s[BLOCK_MASS] * (p[0] if s[SIGN_V].real < 0.0 else p[1])
 
 
-NUISANCES = (  # fitted per shot together with all other effects, never searched for or named
+NUISANCES = (  # fitted per shot together with all other effects; never searched for or reported
     Effect(
         "flight_acceleration",
         "flight acceleration",

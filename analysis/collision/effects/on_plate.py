@@ -20,7 +20,7 @@ from analysis.collision.effects.kernel import (
 from analysis.collision.effects.row import Acts, Effect, Parameter, frequencies, second_as_frequency
 from analysis.collision.parameters import Collision, Floats
 
-_LIGHTEST = 1e-300  # of a mode's mass, as a search may try zero
+_LIGHTEST = 1e-300  # lower limit of a mode's mass, because a search may try zero
 
 
 def cubic_stiffness(s: Any, p: Any, out: Any) -> None:
@@ -29,7 +29,7 @@ def cubic_stiffness(s: Any, p: Any, out: Any) -> None:
 
 
 def cubic_contact(s: Any, p: Any, out: Any) -> None:
-    """Add k_3 xi^3 between one body and its spring, if the plate is locked; p = (k_3 in N/m^3)."""
+    """Add k_3 xi^3 between one body and its spring when the plate is locked; p = (k_3 in N/m^3)."""
     if s[TOUCHING].real > 0.5:
         out[PAIR] += p[0] * s[XI] * s[XI] * s[XI]
 
@@ -48,8 +48,8 @@ def viscoelastic_arm(s: Any, p: Any, out: Any) -> None:
 def second_plate_mode(s: Any, p: Any, out: Any) -> None:
     """Displace the contact point by q: m_2 (q'' + 2 zeta omega q' + omega^2 q) = -F_N.
 
-    p = (m_2 in kg, f in Hz, zeta); m_2 is the modal mass at the contact point; a torsion or the second bending mode of
-    the arm.
+    p = (m_2 in kg, f in Hz, zeta); m_2 is the modal mass at the contact point.  A torsional or the second bending mode
+    of the arm.
     """
     omega = 2.0 * math.pi * p[1]
     out[Q_RATE] += s[W]
@@ -57,9 +57,9 @@ def second_plate_mode(s: Any, p: Any, out: Any) -> None:
 
 
 def support_compliance(s: Any, p: Any, out: Any) -> None:
-    """Displace the clamp by z: z'' = omega^2 (C k_p (y - z) - z), the spring is bent by y - z; p = (C in m/N, f in Hz).
+    """Displace the clamp by z, z'' = omega^2 (C k_p (y - z) - z); y - z bends the spring; p = (C in m/N, f in Hz).
 
-    The clamp's mass follows from both; at low frequency z = C times the plate's spring force.
+    The clamp's mass follows from C and f.  At low frequency z is C times the plate's spring force.
     """
     omega = 2.0 * math.pi * p[1]
     out[ON_PLATE] += s[PLATE_STIFFNESS] * s[Q]
@@ -68,7 +68,7 @@ def support_compliance(s: Any, p: Any, out: Any) -> None:
 
 
 def damping_rate(values: Floats, collision: Collision) -> float:
-    """Return the rate at which a dashpot of so many N s/m stops the plate."""
+    """Return the rate at which a dashpot stops the plate; ``values`` are (c in N s/m)."""
     return float(values[0]) / collision.plate_mass_kg
 
 
@@ -78,7 +78,7 @@ def relaxation_rate(values: Floats, _collision: Collision) -> float:
 
 
 def light_mode_factor(values: Floats, collision: Collision) -> float:
-    """Return by how much a mode of so many kg between block and plate stiffens the contact."""
+    """Return the factor by which a mode between block and plate, of ``values[0]`` kg, stiffens the contact."""
     inverse = 1 / collision.block_mass_kg + 1 / collision.plate_mass_kg
     return 1 + 1 / max(_LIGHTEST, float(values[0]) * inverse)
 

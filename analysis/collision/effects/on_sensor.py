@@ -14,15 +14,15 @@ from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.collision.effects.row import Acts, Effect, Parameter, Sensed, frequencies
 from analysis.collision.parameters import Collision, Floats
 
-_PLATE_QUALITY = 1e4  # the base model's plate has no damping: this only keeps a resonance finite
-_CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # of the record's rate: pass band and stop band of the decimator
-_ROUNDS = 4  # of the path without its cyclic error: an error of 5 nm is then right to 0.01 nm
+_PLATE_QUALITY = 1e4  # only keeps a resonance finite, because the base model's plate has no damping
+_CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # pass band and stop band of the decimator, as shares of the record's rate
+_ROUNDS = 4  # iterations that remove the cyclic error from the path: one of 5 nm is then known to 0.01 nm
 
 
 def sensor_drift(seen: Sensed, x: Any, p: Any) -> Any:
     """Measure v + b t, that is x + b t^2 / 2; p = (b in m/s^2), t from the recording's first sample.
 
-    A laser frequency or an optical path that drifts.
+    Caused by drift of the laser frequency or of the optical path.
     """
     return x + 0.5 * p[0] * (seen.time_s - seen.time_s[0])[:, None] ** 2
 
@@ -30,8 +30,8 @@ def sensor_drift(seen: Sensed, x: Any, p: Any) -> Any:
 def demodulation_lag(seen: Sensed, x: Any, p: Any) -> Any:
     """Measure x_m with tau x_m' = x - x_m; p = (tau in s).  A first-order low-pass in the optics' electronics.
 
-    Solved exactly for a velocity that is linear between samples, from a steady flight.  A pure delay has no effect, as
-    the touch time absorbs it; the effect on the bounces is of order tau^2.
+    Solved exactly for a velocity that is linear between samples, starting from steady flight.  A pure delay has no
+    effect, because the touch time absorbs it; the effect on the bounces is of order tau^2.
     """
     velocity = np.repeat(seen.velocity_m_per_s[:, None], x.shape[1], axis=1)
     if np.iscomplexobj(x):  # the derivative of the velocity is approximated from that of the displacement
@@ -81,7 +81,7 @@ def plate_response_to_frame(p: Any, stiffness: Any, mass: Any, time_s: Any) -> t
     """Return (m, m/s, rad/s): displacement, velocity and rate of a plate in its stationary response to the frame.
 
     p = (A in m/s, f in Hz, phi in rad, factor): the clamp moves by factor A/omega cos(omega t + phi), and the plate
-    responds as a mass on a spring (of quality 10,000, nearly undamped).
+    responds as a mass on a spring of quality factor 10,000 (nearly undamped).
     """
     omega, own = 2 * math.pi * p[1], stiffness / mass
     turn = omega * time_s + p[2]
@@ -93,10 +93,10 @@ def plate_response_to_frame(p: Any, stiffness: Any, mass: Any, time_s: Any) -> t
 
 
 def plate_on_frame(s: Any, p: Any, out: Any) -> None:
-    """Displace the contact point by q: q'' = -omega^2 (q + q_0), q = 0 at first touch; p = (q_0, q' then, omega).
+    """Displace the contact point by q: q'' = -omega^2 (q + q_0); p = (q_0, q' at first touch, omega); q = 0 there.
 
-    The motion of a plate whose clamp vibrates is the sum of the stationary response, q + q_0, and of the motion with a
-    clamp at rest, y.
+    The motion of a plate whose clamp vibrates is the sum of its stationary response, q + q_0, and of its motion with
+    the clamp at rest, y.
     """
     out[Q_RATE] += s[W]
     out[W_RATE] -= p[2] * p[2] * (s[Q] + p[0])
@@ -110,12 +110,12 @@ def vibration_with_plate_from_wave(frequency_hz: float, cosine_and_sine_m: Float
 def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
     """Measure x - s arg(1 - A/s e^(i u)), s = lambda / (4 pi), u = n x / s + phi; p = (A in m, n, phi in rad).
 
-    Polarisation leak (Wu and Deslattes, Appl. Opt. 37 (1998) 6696), A sin u to first order.  The demodulator passes
-    only the chirp near the turnaround, where 2 n |v| / lambda is within its band.  The error repeats along the whole
-    path, a frame that moves included: where the displacement was measured, the path is that minus the error, otherwise
-    the model's.
+    Polarisation leakage (Wu and Deslattes, Appl. Opt. 37 (1998) 6696), A sin u to first order.  The demodulator passes
+    only the chirp near the turnaround, where 2 n |v| / lambda is within its band.  The error is periodic in the whole
+    optical path, frame motion included.  Where the displacement was measured, the path is the measured one minus the
+    error; otherwise it is the model's.
     """
-    velocity_m_per_s = np.gradient(x[:, :1].real, seen.time_s, axis=0)  # of the path, not of the block alone
+    velocity_m_per_s = np.gradient(x[:, :1].real, seen.time_s, axis=0)  # velocity of the path, not of the block alone
     line = 2 * np.abs(p[1, :1].real * velocity_m_per_s) / seen.wavelength_m / seen.rate_hz
     beyond = np.clip((line - _CHIRP_PASSES) / (_CHIRP_STOPS - _CHIRP_PASSES), 0.0, 1.0)
     passed, scale = 0.5 + 0.5 * np.cos(np.pi * beyond), seen.wavelength_m / (4 * math.pi)
@@ -141,7 +141,7 @@ _LINE = (
 
 
 def third_as_rate(values: Floats, _collision: Collision) -> float:
-    """Return the rate of an effect whose third value it is, in rad/s."""
+    """Return the third value, the rate of the effect in rad/s."""
     return float(values[2])
 
 
@@ -182,7 +182,7 @@ ROWS = (
         "a cyclic error of the interferometer",
         Acts.ON_SENSOR,
         (
-            Parameter("amplitude_m", "m", 1e-9, lower=0.0, upper=3e-8),  # less light than that it leaks into
+            Parameter("amplitude_m", "m", 1e-9, lower=0.0, upper=3e-8),  # the leaked light is weaker than the main beam
             Parameter("order", "", 1.0, lower=0.5, upper=4.0, grid=(1.0, 2.0), fixed=True),
             Parameter("phase_rad", "rad", 0.0, grid=(0.0, math.pi / 2), tried=(0.0,), own=True),
         ),

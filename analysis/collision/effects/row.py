@@ -1,4 +1,4 @@
-"""An effect, a row of the catalogue or a law: name, words, parameters, where it acts, and its function."""
+"""An effect, which is a row of the catalogue or a law: name, words, parameters, where it acts, and its function."""
 
 import math
 from collections.abc import Callable
@@ -15,23 +15,23 @@ from analysis.collision.parameters import Collision, Floats
 class Acts(Enum):
     """Where an effect acts."""
 
-    ON_BLOCK = "block"  # on the block, in flight too
+    ON_BLOCK = "block"  # on the block, also in flight
     ON_PLATE = "plate"  # on the plate
     IN_CONTACT = "contact"  # between the two
     AT_START = "start"  # on the plate's state at first touch
     ON_SENSOR = "sensor"  # on the measurement, not on the motion
-    IN_DRIVE = "drive"  # on a slider that a measured force drives
+    IN_DRIVE = "drive"  # on a slider driven by a measured force
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """A parameter of an effect.
 
-    ``scale`` is a natural size (a first guess, about the smallest that one shot can show); ``lower`` and ``upper`` are
-    physical limits.  ``grid`` are the values at which a linear score is computed, if the effect is not linear in the
-    parameter; ``tried`` are the starting values of the diagnosis, if they are not the grid (or, without one, the
-    scale).  ``logarithmic``: it is searched by its logarithm; ``own``: every shot has its own value; ``fixed``: a fit
-    chooses among the grid.
+    ``scale`` is a natural size: a first guess, near the smallest value that one shot can show.  ``lower`` and ``upper``
+    are physical limits.  ``grid`` holds the values at which a linear score is computed if the effect is not linear in
+    the parameter.  ``tried`` holds the starting values of the diagnosis; the default is the grid, or else the scale.
+    ``logarithmic``: it is searched by its logarithm; ``own``: every shot has its own value; ``fixed``: a fit chooses
+    from the grid.
     """
 
     name: str
@@ -67,8 +67,8 @@ class Parameter:
 class Sensed:
     """The inputs of a sensor effect: times on the recording's clock, the block's velocity, the optics.
 
-    ``rate_hz`` is that of the demodulated record, which may have more samples than ``time_s``, shape (n,).
-    ``measured_m``, shape (n,), is the displacement that the optics showed, where it is known at these times.
+    ``rate_hz`` is the rate of the demodulated record, which may have more samples than ``time_s``, shape (n,).
+    ``measured_m``, shape (n,), is the displacement measured by the optics, where it is known at these times.
     """
 
     time_s: Floats
@@ -81,16 +81,16 @@ class Sensed:
 Sensor = Callable[[Sensed, Any, Any], Any]
 Rate = Callable[[Floats, Collision], float]
 Clocked = Callable[[Any, Any, Any, Any], tuple[Any, Any, Any]]  # (values, k_p, m_p, time in s) -> the kernel's three
-Wave = Callable[[float, Floats], list[dict[str, float]]]  # (frequency in Hz, cosine and sine a shot in m) -> values
+Wave = Callable[[float, Floats], list[dict[str, float]]]  # (frequency in Hz, cosine and sine per shot in m) -> values
 
 
 def no_rate(_values: Floats, _collision: Collision) -> float:
-    """Return the rate of an effect that has none of its own."""
+    """Return 0: an effect without a rate of its own."""
     return 0.0
 
 
 def no_factor(_values: Floats, _collision: Collision) -> float:
-    """Return the factor of an effect that leaves the contact's stiffness as it is."""
+    """Return 1: an effect that does not change the contact's stiffness."""
     return 1.0
 
 
@@ -101,28 +101,28 @@ def second_as_frequency(values: Floats, _collision: Collision) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Effect:
-    """What may act beside a base model: a row of the catalogue (docs/catalogue.md), or a law (``laws.own``).
+    """An effect that can be added to a base model: a row of the catalogue (docs/catalogue.md) or a law (``laws.own``).
 
-    Effects of the same kind and ``key`` are the same effect.  All functions of a row have names in their modules, so
-    that an effect can be sent to another process.
+    Effects of the same type and ``key`` are equal.  All functions of a row are named at module level, so that an effect
+    can be sent to another process.
 
     ``amplitude`` names the parameter in which a small effect is linear; ``inverse``: the effect vanishes as that
-    parameter grows.  ``kernel`` is the mechanical function; ``sensor`` that on the displacement, shape (n, k), of a
-    sensor effect; ``locked`` replaces the kernel, between the two bodies, if the base model is one body on a contact
-    (without it an effect on the plate has no meaning there).  ``hidden`` is the number of hidden states, which move the
-    contact point by ``shift`` times the first of them; ``rides``: before the touch they move with the block.
+    parameter grows.  ``kernel`` is the mechanical function; ``sensor`` is the function of a sensor effect on the
+    displacement, shape (n, k).  ``locked`` replaces the kernel, between the two bodies, if the base model is one body
+    on a contact (without it, an effect on the plate cannot act there).  ``hidden`` is the number of hidden states; they
+    move the contact point by ``shift`` times the first of them; ``rides``: before the touch they move with the block.
 
-    The solver chooses its steps by ``fastest``, the fastest rate in rad/s of the effect for its values and the
-    collision, by ``stiffens``, the factor by which it may raise the contact's stiffness, and by ``rough``: its law is
-    not smooth where the overlap begins.  For an effect on the recording's clock ``clocked`` computes the kernel's three
-    parameters from the values, the plate's stiffness and mass, and the time at which the bodies meet (all of them may
-    be complex); the second is the rate of the hidden state at that time.
+    The solver chooses its steps by ``fastest``, the effect's fastest rate in rad/s for its values and the collision, by
+    ``stiffens``, the factor by which it may raise the contact's stiffness, and by ``rough``: its law is not smooth at
+    the start of the overlap.  For an effect on the recording's clock, ``clocked`` computes the kernel's three
+    parameters from the values, the plate's stiffness and mass, and the time at which the bodies meet (all may be
+    complex); the second is the rate of the hidden state at that time.
 
-    For the search: ``grows_as`` is the power of the amplitude with which a small effect grows; ``delays`` names the
-    parameter that is a delay of the measurement; ``in_series`` those of compliance and frequency of a spring in series
-    with the plate's; ``wave`` computes the values of a sensor's wave from its cosine and sine in every shot.
-    ``widens`` names the effect of which this is a variant with more parameters, tried only if that one was found.
-    ``ripples``: it is visible only at the record's own rate; ``at_rest``: a record without a collision shows it.
+    For the search: ``grows_as`` is the power of the amplitude with which a small effect grows.  ``delays`` names the
+    parameter that is a delay of the measurement; ``in_series`` names the compliance and the frequency of a spring in
+    series with the plate's.  ``wave`` computes the values of a sensor's wave from its cosine and sine in every shot.
+    ``widens`` names the simpler effect that this one extends; this one is tried only if the simpler one was found.
+    ``ripples``: visible only at the record's own rate; ``at_rest``: visible in a record without a collision.
     """
 
     name: str
@@ -136,8 +136,8 @@ class Effect:
     shift: float = 0.0
     rides: bool = False
     rough: bool = False
-    nonlinear: bool = False  # in the state; it need not be checked, and may be zero where it would be
-    kinked: bool = False  # has corners or steps that are no events
+    nonlinear: bool = False  # in the state; no linearity check, whose test states may give no force
+    kinked: bool = False  # has corners or steps that are not events
     range_at: int = -1  # index of the parameter that is the range of the effect
     inverse: bool = False
     remembers: bool = False  # the measurement depends on earlier displacements
@@ -157,12 +157,12 @@ class Effect:
 
     @property
     def key(self) -> str:
-        """Get what names the effect among all others, in files and in a fit's parameters: here its name."""
+        """Get the unique key of the effect in files and in a fit's parameters: here its name."""
         return self.name
 
     @property
     def short_words(self) -> str:
-        """Get what the effect is called in sentences and narrow cells."""
+        """Get the effect's name for sentences and narrow table cells."""
         return self.name.replace("_", " ")
 
     def __eq__(self, other: object) -> bool:
@@ -181,7 +181,7 @@ class Effect:
 
     @property
     def changes_contact(self) -> bool:
-        """Get whether the first contact is no longer that of two bodies with a spring and a dashpot."""
+        """Get whether the effect makes the first contact differ from two bodies with a spring and a dashpot."""
         return self.acts in (Acts.ON_PLATE, Acts.IN_CONTACT, Acts.AT_START) or self.hidden > 0
 
     @property
@@ -202,6 +202,6 @@ class Effect:
 
 
 def frequencies(low_hz: float, high_hz: float, step: float = 0.03) -> tuple[float, ...]:
-    """Return a geometric grid; steps of at most 3 % are fine enough to find a line between two points."""
+    """Return a geometric grid; steps of at most 3 % are fine enough to find a line between two grid points."""
     count = math.ceil(math.log(high_hz / low_hz) / math.log1p(step)) + 1
     return tuple(float(f) for f in np.geomspace(low_hz, high_hz, count))

@@ -1,1 +1,1 @@
-"""Laws that are not in the catalogue: formulas that the user writes, and curves of one argument."""
+"""Laws outside the catalogue: formulas written by the user, and curves of one argument."""

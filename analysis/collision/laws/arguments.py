@@ -1,4 +1,4 @@
-"""The arguments on which a force of unknown law may depend, with one effect function each.
+"""The arguments on which a force of unknown form may depend, with one effect function each.
 
 Every function has p = (factor, address of a curve), and adds the factor times the curve of its argument.
 """
@@ -41,7 +41,7 @@ def of_speed_against(s: Any, p: Any, out: Any) -> None:
 
 
 def of_speed_one_way(s: Any, p: Any, out: Any) -> None:
-    """Add F(|v|) to the block, the same way going in and coming out."""
+    """Add F(|v|) to the block, with the same sign on the way in and on the way out."""
     out[ON_BLOCK] += p[0] * curve_at(p[1], s[V] * s[SIGN_V].real)
 
 
@@ -94,8 +94,8 @@ class Argument:
     """The argument of a force: ``value`` computes it from the inputs of an effect's function.
 
     ``expression`` is the argument in a formula, ``factor`` the factor of the curve there ("": none).  ``touching``: the
-    force acts only in contact.  ``gauge`` lists curves that the base model has already ("1", "x": constant, linear),
-    and ``unseen`` says so in words.
+    force acts only in contact.  ``gauge`` lists the curves that the base model already includes ("1": constant, "x":
+    linear), and ``unseen`` describes them in words.
     """
 
     where: str
@@ -108,11 +108,11 @@ class Argument:
     value: Callable[[Inputs], Floats]
     touching: bool = False
     gauge: tuple[str, ...] = ()
-    unseen: str = ""  # the part of its law that no shot can show, in words
-    slow: bool = False  # a speed: the slope of the curve over a mass is a rate, not a rate squared
+    unseen: str = ""  # the part of the law that no shot can show, in words
+    slow: bool = False  # the argument is a speed: slope of the curve over mass is a rate, not a rate squared
 
     def row(self, curve: Curve) -> Effect:
-        """Return the force of this argument by a curve, which must be kept alive, as a row of the catalogue."""
+        """Return the force with this curve as a catalogue row; the caller must keep the curve alive."""
         return Effect(
             f"law_{self.where}_{self.name}".replace(" ", "_"),
             f"a force of the {self.name}",
@@ -121,7 +121,7 @@ class Argument:
             "factor",
             self.kernel,
             rough=self.touching,
-            kinked=self.factor == "sign(u)",  # the turn of the plate is no event
+            kinked=self.factor == "sign(u)",  # the plate's turn is not an event
             fastest=lambda _values, collision: self._rate(curve, collision),
         )
 

@@ -1,4 +1,4 @@
-"""A force as a curve of one argument: a cubic spline, whose table kernels read by its address.
+"""A force as a curve of one argument: a cubic spline, whose table is read by kernels through its address.
 
 An effect's parameters are numbers, so one of them is the address of the table (addresses are below 2^53, which a float
 represents exactly).  ``Curve`` owns the table and must outlive every solution that uses it.
@@ -17,7 +17,7 @@ from scipy.interpolate import BSpline, PPoly
 
 from analysis.collision.parameters import Floats
 
-_GRADE = 1.6  # power by which knots are denser near zero, where laws have kinks and cusps
+_GRADE = 1.6  # exponent of the knots' positions: denser near zero, where laws have kinks and cusps
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +60,8 @@ class Basis:
     """Cubic B-splines over a range; ``knots`` ascending, from its low end to its high end."""
 
     knots: tuple[float, ...]
-    # Every basis function as a curve.  Kernels read them by address, so they are created with the basis: at first use
-    # each of two threads could create its own (from Python 3.12 on), and one would be freed while in use.
+    # Every basis function as a curve.  Kernels read them by address, so they are created with the basis.  If they were
+    # created at first use, each of two threads could create its own (from Python 3.12), and free one while in use.
     members: tuple[Curve, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -91,7 +91,7 @@ class Basis:
     def roughness(self) -> Floats:
         """Get the matrix whose quadratic form is the integral of the squared second derivative, shape (count, count).
 
-        The range is scaled to one, so that it has no unit.
+        The range is scaled to one, so that the matrix has no unit.
         """
         fine = np.concatenate(
             [np.linspace(a, b, 5)[:-1] + (b - a) / 8 for a, b in zip(self.knots, self.knots[1:], strict=False)]
@@ -103,7 +103,7 @@ class Basis:
 
 
 def graded_basis(low: float, high: float, pieces: int) -> Basis:
-    """Return a basis of about ``pieces`` pieces over [low, high], finer near zero if the range includes it."""
+    """Return a basis of about ``pieces`` pieces over [low, high], finer near zero if zero is in or near the range."""
     if not low < high:
         raise ValueError("an argument that is constant has no law")
     if low < 0 < high:

@@ -1,6 +1,6 @@
-"""Closed forms of a learned curve: each is a formula of its argument, with starting values of its parameters.
+"""Closed forms for a learned curve: each is a formula of its argument, with starting values of its parameters.
 
-The text of the formula is used both to fit the curve and to fit the shots.  A form is linear in ``a``, its size.
+The same formula text is used to fit the curve and to fit the shots.  A form is linear in ``a``, its size.
 """
 
 import math
@@ -19,7 +19,7 @@ from analysis.collision.parameters import Floats
 class Form:
     """A closed form: ``text`` with {z} for the argument.
 
-    ``lengths`` are parameters in its unit, ``positive`` those of them that are above 0, ``powers`` have no unit.
+    ``lengths`` are parameters in the argument's unit, ``positive`` those that must exceed 0; ``powers`` have no unit.
     """
 
     name: str
@@ -27,7 +27,7 @@ class Form:
     lengths: tuple[str, ...] = ()
     positive: tuple[str, ...] = ()
     powers: tuple[str, ...] = ()
-    grows_as: int | str = 0  # power of the argument that ``a`` multiplies: a number, or the parameter that it is
+    grows_as: int | str = 0  # power of the argument that ``a`` multiplies: a number, or a parameter's name
 
     @property
     def nonlinear_parameters(self) -> tuple[str, ...]:
@@ -49,8 +49,8 @@ class Form:
     def starts(self, low: float, high: float) -> list[dict[str, float]]:
         """Return starting values of the nonlinear parameters for an argument in [low, high].
 
-        A position off zero has starting values at distances of its width, because a search does not find a bump that it
-        does not overlap.
+        Starting values of an offset are spaced by the width, because a search cannot find a bump that it does not
+        overlap.
         """
         span = max(abs(low), abs(high))
         out: list[dict[str, float]] = [{}]
@@ -68,7 +68,7 @@ class Form:
         return [low + (high - low) * (k + 0.5) / count for k in range(count)]
 
     def law(self, argument: Argument, parameters: Mapping[str, float], span: float) -> OwnLaw:
-        """Return the form with these values as a law for the exact solver."""
+        """Return the form as a law for the exact solver, with these parameter values as its start."""
         table = {}
         for name in ("a", *self.nonlinear_parameters):
             entry: dict[str, object] = {"unit": self._unit(name, argument), "start": float(parameters[name]) or 1e-12}

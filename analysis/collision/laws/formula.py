@@ -1,7 +1,7 @@
-"""Reads a force written as a formula by a whitelist, and turns it into an effect's function.
+"""Read a force from a formula checked against a whitelist, and generate an effect's function from it.
 
-The text is parsed into Python's syntax tree, every node of which is checked: numbers, the state, the parameters,
-``+ - * / **`` and the functions of ``functions.FUNCTIONS`` are allowed, anything else is refused with its column.  The
+The text is parsed into Python's syntax tree, and every node is checked: numbers, the state, the parameters,
+``+ - * / **`` and the functions of ``functions.FUNCTIONS`` are allowed; anything else is rejected with its column.  The
 effect's function is generated from the tree; the text itself is never executed.
 """
 
@@ -20,9 +20,9 @@ from analysis.collision.laws.functions import FUNCTIONS, positive_power, positiv
 
 LONGEST = 400  # characters
 _DEEPEST = 40
-_GREATEST_POWER = 12  # of a whole exponent, multiplied out
+_GREATEST_POWER = 12  # largest integer exponent that is evaluated as a product
 
-TIME = "t"  # since the first touch: a hidden state of rate one
+TIME = "t"  # time since the first touch: a hidden state of rate one
 STATE = {"x": X, "v": V, "y": Y, "u": U, "d": XI, "d_rate": XI_RATE, TIME: Q}
 UNITS = {"x": "m", "v": "m/s", "y": "m", "u": "m/s", "d": "m", "d_rate": "m/s", TIME: "s"}
 _CONSTANTS = {"pi": math.pi}
@@ -52,7 +52,7 @@ class Formula:
 
     @property
     def kinked(self) -> bool:
-        """Get whether the formula has corners or steps that are no events of a collision."""
+        """Get whether the formula has corners or steps that are not events of a collision."""
         return any(map(_bends_sharply, ast.walk(_tree(self.text))))
 
     @property
@@ -61,7 +61,7 @@ class Formula:
         return TIME in self.state
 
     def values(self, state: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
-        """Return the formula on arrays of the state (SI units; real, or complex to carry a derivative)."""
+        """Evaluate the formula on arrays of the state (SI units; real, or complex to carry a derivative)."""
         return _on_arrays(_tree(self.text), {**_CONSTANTS, **state, **parameters})
 
 
@@ -84,8 +84,8 @@ def read(text: str, parameters: Sequence[str]) -> Formula:
 def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> Kernel:
     """Return the formula as a mechanical effect that adds to the output ``adds_to`` (see ``effects.kernel``).
 
-    ``while_touching``: only in contact.  Compiled at its first use, in half a second, and cached under a name that is a
-    digest of the generated text, which therefore is unique.
+    ``while_touching``: it acts only in contact.  It is compiled at its first use, in half a second, and cached under a
+    name that is unique, because it is a digest of the generated text.
     """
     force = _written(_tree(formula.text), formula.parameters)
     condition = f"if s[{TOUCHING}].real > 0.5: " if while_touching else ""
@@ -94,7 +94,7 @@ def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> K
     name = f"law_{hashlib.sha256(body.encode()).hexdigest()[:24]}"
     names: dict[str, Any] = {f.kernel.__name__: f.kernel for f in FUNCTIONS.values()} | {"__name__": __name__}
     names |= {helper.__name__: helper for helper in (positive_power, whole_power, quotient)}
-    # the executed text was generated above, node by node from the whitelist
+    # the executed text was generated above, node by node, from whitelisted nodes
     exec(compile(f"def {name}{body}", WRITTEN, "exec"), names)
     law: Kernel = names[name]
     return law
@@ -120,7 +120,7 @@ def _tree(text: str) -> ast.expr:
 
 
 def _look(node: ast.expr, parameters: frozenset[str], named: set[str], depth: int) -> None:
-    """Check every node.  Raises FormulaError for the first that is not allowed."""
+    """Check every node.  Raises FormulaError for the first node that is not allowed."""
     column = node.col_offset + 1
     if depth > _DEEPEST:
         raise FormulaError("nested too deep", column)
@@ -154,7 +154,7 @@ def _look(node: ast.expr, parameters: frozenset[str], named: set[str], depth: in
 
 
 def _degree(node: ast.expr) -> int:
-    """Return the power of the state in a formula: 0 if it has none, 2 if it is not linear."""
+    """Return the degree of a formula in the state: 0 if it does not depend on it, 1 if linear, otherwise 2."""
     match node:
         case ast.Name(id=name):
             return int(name in STATE)
@@ -185,7 +185,7 @@ def _bends_sharply(node: ast.AST) -> bool:
 
 
 def _whole(node: ast.expr) -> int | None:
-    """Return a whole exponent that is written as a product, or None."""
+    """Return an integer exponent that is evaluated as a product, or None."""
     sign = 1
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         node, sign = node.operand, -1
@@ -197,7 +197,7 @@ def _whole(node: ast.expr) -> int | None:
 
 
 def _written(node: ast.expr, parameters: tuple[str, ...]) -> str:
-    """Return the source text of a node in the effect's function."""
+    """Return the source text of a node for the effect's function."""
     match node:
         case ast.Constant(value=value):
             return f"({float(value)!r})"  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""The functions that a formula may use, for kernels (real or complex numbers, ``kernel_function``) and for arrays."""
+"""The functions allowed in a formula, for kernels (real or complex numbers, ``kernel_function``) and for arrays."""
 
 import math
 from collections.abc import Callable
@@ -104,14 +104,14 @@ def _quotient_carrying(x: Any, by: Any) -> Any:
 
 
 positive_power = kernel_function("positive_power", _positive_power)  # x^y, 0 where x is not positive
-whole_power = kernel_function("whole_power", _whole_power)  # x^times of a whole ``times`` above 0
+whole_power = kernel_function("whole_power", _whole_power)  # x^times of an integer ``times`` above 0
 # x / by, NaN if ``by`` is 0: the solver then finds no trajectory, and nothing raises
 quotient = kernel_function("quotient", _quotient, _quotient_carrying)
 
 
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function of a formula: the number of its arguments, and its versions for kernels and arrays."""
+    """A function allowed in a formula: the number of its arguments, and its versions for kernels and arrays."""
 
     takes: int
     kernel: Of
@@ -127,7 +127,7 @@ def _root_of_arrays(x: Any) -> Any:
 
 
 def positive_power_of_arrays(x: Any, y: Any) -> Any:
-    """Return x^y of arrays, 0 where x is not positive; shapes as numpy broadcasts them."""
+    """Return x^y of arrays, 0 where x is not positive; shapes are broadcast as by numpy."""
     positive = np.real(x) > 0
     return np.where(positive, np.power(np.where(positive, x, 1.0), y), 0.0)
 

@@ -1,7 +1,7 @@
-"""A law that the user wrote, or that was learned: an effect like those of the catalogue, made from a formula.
+"""A law written by the user, or learned from data: an effect like those of the catalogue, made from a formula.
 
-The fastest rate of the law, by which the solver chooses its steps, comes from the slopes of the formula over the motion
-of a collision.
+The solver chooses its steps by the law's fastest rate, which comes from the slopes of the formula over the motion of a
+collision.
 """
 
 import json
@@ -37,10 +37,10 @@ class LawError(ValueError):
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
 class OwnLaw(Effect):
-    """A law as it was written, with what the solver and the search need of it.
+    """A law as it was written, with the functions that the solver and the search need.
 
-    ``where`` is "block", "plate" or "contact" (between the two, the force on the block); the formula's force is in N,
-    positive to the right; ``parameters`` in the order in which they were written.  ``definition`` is all of it as JSON.
+    ``where`` is "block", "plate" or "contact" (between the two; the force on the block).  The formula's force is in N,
+    positive to the right; ``parameters`` keep their written order.  ``definition`` is the whole law as JSON.
     """
 
     where: str
@@ -53,16 +53,16 @@ class OwnLaw(Effect):
 
     @property
     def key(self) -> str:
-        """Get the name followed by the definition, from which ``from_key`` reads the law again."""
+        """Get the name followed by the definition; ``from_key`` restores the law from it."""
         return self.name + self.definition
 
     @property
     def short_words(self) -> str:
-        """Get the words that the law was given."""
+        """Get the words given with the law."""
         return self.words
 
     def written(self) -> dict[str, Any]:
-        """Return the law as ``from_mapping`` reads it."""
+        """Return the law as a table that ``from_mapping`` reads."""
         table: dict[str, Any] = {
             "name": self.name, "words": self.words, "where": self.where, "formula": self.formula.text,
         }  # fmt: skip
@@ -83,7 +83,7 @@ class OwnLaw(Effect):
 
 
 def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
-    """Return the law that a table describes (docs/own-laws.md).  Raises LawError, which names the key."""
+    """Return the law that a table describes (docs/own-laws.md).  Raises LawError, which names the faulty key."""
     for key in table:
         if key not in ("name", "words", "where", "formula", "parameters"):
             raise LawError(f"unknown key {key!r}; there are name, words, where, formula, parameters")
@@ -114,7 +114,7 @@ def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
 
 @cache
 def from_key(key: str) -> OwnLaw:
-    """Return the law with this ``key``, as files have it.  Raises LawError."""
+    """Return the law with this ``key``, as stored in files.  Raises LawError."""
     name, brace, rest = key.partition("{")
     try:
         return from_mapping(json.loads(brace + rest))
@@ -123,7 +123,7 @@ def from_key(key: str) -> OwnLaw:
 
 
 def known_effect(key: str) -> Effect | None:
-    """Return the effect that a file has under this ``key``, of the catalogue or a law; None where there is none."""
+    """Return the catalogue effect or law that a file stores under this ``key``; None if there is none."""
     if key in CATALOGUE or key in WIDER or key in NUISANCES:
         return named(key)
     try:
@@ -194,7 +194,7 @@ def _law(name: str, words: str, where: str, formula: Formula, parameters: tuple[
 
 
 def _amplitude(formula: Formula, parameters: Sequence[Parameter]) -> str:
-    """Return a shared parameter that turns the law off at 0, preferably one in which the law is linear."""
+    """Return a shared parameter whose value 0 turns the law off, preferably one in which the law is linear."""
     states, start = _states(PAPER), {p.name: p.tried[0] for p in parameters}
     with np.errstate(all="ignore"):
         here = np.broadcast_to(formula.values(states, start), (_DRAWN,))
@@ -233,7 +233,7 @@ def _states(collision: Collision) -> dict[str, Floats]:
 def _fastest(
     where: str, formula: Formula, parameters: Sequence[Parameter], values: Floats, collision: Collision
 ) -> float:
-    """Return the fastest rate of the law in rad/s, from its slopes by position and velocity over the motion."""
+    """Return the law's fastest rate in rad/s, from its slopes in position and velocity over the motion."""
     given = {p.name: float(v) for p, v in zip(parameters, values, strict=True)}
     on_plate = where != "block" and math.isfinite(collision.plate_mass_kg)
     mass = min(collision.block_mass_kg, collision.plate_mass_kg) if on_plate else collision.block_mass_kg
@@ -250,7 +250,7 @@ def _fastest(
 
 
 def _of_time(formula: Formula, given: Mapping[str, float], states: Mapping[str, Floats]) -> float:
-    """Return the rate in rad/s at which the law changes in time: its derivative over its size."""
+    """Return the rate in rad/s at which the law changes in time: rms derivative over rms force."""
     with np.errstate(all="ignore"):
         moved = formula.values({**states, TIME: states[TIME] + 1j * _H}, given)
     force, rate = np.real(moved), np.imag(moved) / _H

@@ -1,7 +1,7 @@
-"""Analyse one shot: demodulate, read, fit; where a step fails the shot states why.
+"""Analyse one shot: demodulate, read, fit.  If a step fails, the shot states the reason.
 
-``read`` ends with the readings, which need no model and are available long before it at a first start; ``fitted`` adds
-the fit.  Each step is imported where it is used, so that a window does not wait for it.
+``read`` stops after the readings, which need no model and so are available early at a first start; ``fitted`` adds the
+fit.  Each step is imported where it is used, so that a window does not wait for the import.
 """
 
 import time
@@ -34,7 +34,7 @@ def analyse(
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Shot:
-    """Analyse a raw recording.  Raises Cancelled; every other failure is the shot's ``problem``."""
+    """Analyse a raw recording.  Raises Cancelled; every other failure becomes the shot's ``problem``."""
     shot = read(recording, settings, load_seconds=load_seconds, progress=progress, cancelled=cancelled)
     return fitted(shot, progress=progress, cancelled=cancelled)
 
@@ -47,9 +47,9 @@ def read(
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Shot:
-    """Analyse a raw recording up to its readings; the shot is flagged as awaiting its fit where one is wanted.
+    """Analyse a raw recording up to its readings; if a fit is wanted, the shot is flagged as awaiting it.
 
-    Raises Cancelled; every other failure is the shot's ``problem``.
+    Raises Cancelled; every other failure becomes the shot's ``problem``.
     """
     from analysis.signal import demodulate
 
@@ -96,7 +96,7 @@ def analyse_motion(
     progress: Progress | None = None,
     cancelled: Stop | None = None,
 ) -> Shot:
-    """Analyse a motion that another instrument demodulated."""
+    """Analyse a motion record that another instrument has demodulated."""
     shot = Shot(
         name=name,
         path=path,
@@ -115,7 +115,7 @@ def analyse_motion(
 
 
 def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | None = None) -> Shot:
-    """Return a shot that was read with its fit; unchanged where none is wanted.  Raises Cancelled."""
+    """Return a shot from ``read`` with its fit added; unchanged if no fit is wanted.  Raises Cancelled."""
     if shot.motion is None:
         return shot
     _tell(progress, cancelled, "fitting the model", 0.6)

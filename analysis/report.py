@@ -25,7 +25,7 @@ def result(shots: Sequence[Shot], diagnosis: Diagnosis | None, foretold: Foretol
 
 
 def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
-    """Return one shot's entry; what was not seen is null.  ``others`` of the same rig give its repeatability."""
+    """Return one shot's entry; unobserved numbers are null.  ``others`` of the same rig give the repeatability."""
     impact = shot.impact
     entry: dict[str, Any] = {
         "name": shot.name,
@@ -52,7 +52,7 @@ def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
 
 
 def disturbance_result(disturbance: Disturbance | None) -> dict[str, Any] | None:
-    """Return the disturbance of the path, and its share of each number's variance."""
+    """Return the disturbance of the optical path, with its share of each number's variance."""
     if disturbance is None:
         return None
     return {
@@ -89,7 +89,7 @@ def fit_result(fit: Fit | None) -> dict[str, Any] | None:
 
 
 def _finite(value: Any) -> Any:
-    """Replace numbers that are not finite by null, at every depth."""
+    """Replace non-finite numbers by null, at every depth."""
     if isinstance(value, dict):
         return {key: _finite(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

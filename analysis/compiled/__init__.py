@@ -1,4 +1,4 @@
-"""How kernels are compiled, cached between runs, and run in parallel."""
+"""Compilation of kernels, their cache between runs, and their parallel execution."""
 
 import lazy_loader
 

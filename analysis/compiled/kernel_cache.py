@@ -1,10 +1,10 @@
-"""The cache of compiled kernels, which never uses an old binary for a changed source.
+"""Cache of compiled kernels, which never uses an old binary for a changed source.
 
-numba's own cache checks only the file of the called function: a kernel that calls a function of another file, or has a
-constant of it compiled in, is not compiled again when that file changes.  Here every kernel file has a stamp: a digest
-of the file, of all modules of this program that it imports, directly or not, and of the versions of Python, numba,
-llvmlite and numpy.  Its kernels are in a folder named after the file and its stamp.  A change therefore recompiles just
-the kernels that depend on it, and two versions of the program can be used at the same time.
+numba's own cache checks only the file of the called function.  If a kernel uses a function or a constant of another
+file, it is not recompiled when that file changes.  Here every kernel file has a stamp: a digest of the file, of all
+modules of this program that it imports, directly or indirectly, and of the versions of Python, numba, llvmlite and
+numpy.  Its kernels are in a folder named after the file and its stamp.  A change therefore recompiles only the kernels
+that depend on it, and two versions of the program can be used at the same time.
 
 Without sources (a frozen application) the stamp is that of the whole installation.
 """
@@ -28,15 +28,15 @@ import platformdirs
 
 from analysis.compiled.kernel_safety import import_numba, only_own
 
-_PREFIX = __name__.rpartition("analysis.")[0]  # in the wheel "levimass."
+_PREFIX = __name__.rpartition("analysis.")[0]  # "levimass." in the wheel, otherwise empty
 _BASE = Path(__file__).resolve().parents[__name__.count(".")]
 _TOPS = tuple(_PREFIX + name for name in ("analysis", "instrument", "app", "tests"))
 _BEGAN_NS = time.time_ns()
-KEPT_VERSIONS = 4  # of one kernel file: branches and versions in use at the same time
+KEPT_VERSIONS = 4  # folders kept for one kernel file: branches and versions in use at the same time
 
 
 def use_kernel_cache() -> None:
-    """Let numba use this cache for the kernels of this program; other kernels are not affected."""
+    """Make numba use this cache for the kernels of this program; other kernels are not affected."""
     import_numba()
     from numba.core import caching
 
@@ -45,7 +45,7 @@ def use_kernel_cache() -> None:
         return
 
     class Locator(caching._CacheLocator):  # type: ignore[misc]
-        """Tells numba the folder of a function's binaries, and the stamp that they must have."""
+        """Gives numba the folder of a function's binaries, and the stamp that they must have."""
 
         def __init__(self, module: str, line: int) -> None:
             self._module, self._line = module, line
@@ -57,7 +57,7 @@ def use_kernel_cache() -> None:
                 return None
             source = source_of(module)
             if source is not None and not _same_file(source, py_file):
-                return None  # another program has a package of this name
+                return None  # a package of the same name in another program
             locator = cls(module, py_func.__code__.co_firstlineno)
             _ready(locator.get_cache_path())
             return locator
@@ -78,15 +78,15 @@ def use_kernel_cache() -> None:
     class Binaries(caching.IndexDataCacheFile):  # type: ignore[misc]
         """The binaries of one function, under unique names.
 
-        numba numbers them: two processes that compile a function for two types at the same time both write number 1,
-        and the index may then give the name of one to the code of the other.
+        numba numbers them.  Two processes that compile a function for two types at the same time would both write
+        number 1, and the index could then give the name of one to the code of the other.
         """
 
         def _data_name(self, number: int) -> str:
             return str(self._data_name_pattern).replace("{number:d}", f"{number}-{uuid.uuid4().hex[:12]}")
 
         def save(self, key: Any, data: Any) -> None:
-            with contextlib.suppress(OSError):  # on a full disk it is compiled again the next time
+            with contextlib.suppress(OSError):  # if the disk is full, the next run compiles again
                 super().save(key, data)  # type: ignore[no-untyped-call]
 
     locators.insert(0, Locator)
@@ -94,9 +94,9 @@ def use_kernel_cache() -> None:
 
 
 def cache_folder() -> Path:
-    """Return the folder of all kernels: NUMBA_CACHE_DIR, else the user's cache folder, else a temporary one.
+    """Return the folder of all kernels: NUMBA_CACHE_DIR, else the user's cache folder, else a temporary folder.
 
-    A folder that this user cannot write to, or another user can, is not used.
+    A folder is not used if this user cannot write to it, or if another user can.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR", "")
     if chosen and _writable(Path(chosen) / "levimass"):
@@ -119,14 +119,14 @@ def _default_cache_folder() -> Path:
 
 
 def folder_of(module: str) -> Path:
-    """Return the folder of a module's kernels for its present sources."""
+    """Return the folder of a module's kernels for its current sources."""
     folder = cache_folder() / f"{module.removeprefix(_PREFIX)}-{stamp(module)[:16]}"
     return folder if only_own(folder) else _private() / folder.name
 
 
 @cache
 def _private() -> Path:
-    """Return a folder of this process alone, because binaries that another user may have written are not run."""
+    """Return a folder private to this process; used where another user could have written binaries."""
     return Path(tempfile.mkdtemp(prefix="levimass-kernels-"))
 
 
@@ -156,7 +156,7 @@ def whole_program() -> str:
 
 @cache
 def closure(module: str) -> frozenset[str]:
-    """Return ``module`` and every module of this program that it imports, directly or not."""
+    """Return ``module`` and every module of this program that it imports, directly or indirectly."""
     found, waiting = {module}, [module]
     while waiting:
         new = _imported(waiting.pop()) - found
@@ -167,7 +167,7 @@ def closure(module: str) -> frozenset[str]:
 
 @cache
 def source_of(module: str) -> Path | None:
-    """Return the source file of a module of this program, None if there is none."""
+    """Return the source file of a module of this program, or None."""
     path = _BASE.joinpath(*module.split("."))
     for candidate in (path.with_name(path.name + ".py"), path / "__init__.py"):
         if candidate.is_file():
@@ -177,7 +177,7 @@ def source_of(module: str) -> Path | None:
 
 @cache
 def _imported(module: str) -> frozenset[str]:
-    """Return the modules of this program that a module imports, anywhere in its text."""
+    """Return the modules of this program that a module imports anywhere in its source."""
     source = source_of(module)
     if source is None:
         return frozenset()
@@ -200,7 +200,7 @@ def _imported(module: str) -> frozenset[str]:
 
 @cache
 def exports_of(package: str) -> Mapping[str, str]:
-    """Return from where in a package each name that it exports comes: its stub, from which it loads them, says so."""
+    """Return the home module of each name that a package exports, as listed in the package's stub."""
     source = source_of(package) if package.startswith(_TOPS) else None
     if source is None or source.name != "__init__.py" or not (stub := source.with_suffix(".pyi")).is_file():
         return {}
@@ -213,13 +213,13 @@ def exports_of(package: str) -> Mapping[str, str]:
 
 
 def _homes(package: str, name: str) -> set[str]:
-    """Return the package and the module that ``name`` comes from, or is itself."""
+    """Return the package and the module that ``name`` comes from, or the module that it names."""
     home = exports_of(package).get(name, package)
     return {package, f"{package}.{name}"} if home == package else {package} | _homes(home, name)
 
 
 def _all_exported(package: str) -> set[str]:
-    """Return the modules that may be reached through a package as a whole; none if it exports nothing."""
+    """Return the modules that can be reached through an import of the whole package; none if it exports nothing."""
     return set().union(*(_homes(package, name) for name in exports_of(package)))
 
 
@@ -228,9 +228,9 @@ _UNUSUAL = re.compile(r"[:;][ \t]*(?:from|import)[ \t]|^[ \t]*from\b.*\\$", re.M
 
 
 def import_statements(text: str) -> list[ast.Import | ast.ImportFrom]:
-    """Return the import statements of a source; ten times faster than parsing all of it, as this runs at every start.
+    """Return the import statements of a source.  It runs at every start, so it avoids a full parse (ten times slower).
 
-    A line of prose that looks like an import counts too, which only makes a stamp depend on more.
+    A line of prose that looks like an import also counts; the stamp then only depends on more modules.
     """
     if _UNUSUAL.search(text):
         return [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import | ast.ImportFrom)]
@@ -260,7 +260,7 @@ def _text_digest(module: str) -> str:
 
 @cache
 def _installation() -> str:
-    """Return a digest that replaces that of missing sources: of the installation's file list, or of the executable."""
+    """Return the digest used without sources: that of the installation's file list, or of the executable."""
     if getattr(sys, "frozen", False):
         return hashlib.sha256(Path(sys.executable).read_bytes()).hexdigest()
     from importlib import metadata
@@ -281,7 +281,7 @@ def _makers() -> str:
 
 @cache
 def _ready(folder: str) -> None:
-    """Create a folder for kernels, mark it as used, and remove the oldest folders of the same file."""
+    """Create a folder for kernels, mark it as in use, and remove the oldest folders of the same file."""
     path = Path(folder)
     with contextlib.suppress(OSError):  # the disk is full, or another process is removing the same folders
         new = not path.is_dir()
@@ -306,4 +306,4 @@ def _same_file(source: Path, other: str) -> bool:
     try:
         return os.path.samefile(source, other)
     except OSError:
-        return not Path(other).is_absolute()  # a frozen application has the path of the source when it was built
+        return not Path(other).is_absolute()  # a frozen application keeps the source path of its build

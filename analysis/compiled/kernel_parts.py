@@ -1,18 +1,18 @@
-"""What the solver's kernels need beyond numba: parts compiled with their callers, arrays by address, work arrays.
+"""Extensions of numba for the solver's kernels: parts compiled with their callers, arrays by address, work arrays.
 
-numba optimises every function that a kernel calls together with all its callees, turns it into machine code with
-wrappers for Python, and then does the same for the caller with everything once more.  A kernel of thirty functions,
-eight calls deep, takes a minute.  A part is only typed and turned into LLVM's intermediate code; the kernel is linked,
-optimised and turned into machine code once, which compiles three times faster.
+numba optimises every function that a kernel calls, together with all its callees, and turns it into machine code with
+wrappers for Python.  It then repeats all of this for the caller.  A kernel of thirty functions, eight calls deep, takes
+a minute.  A part is only typed and translated to LLVM's intermediate code.  The kernel is linked, optimised and
+translated to machine code once, which is three times faster.
 
-numba passes a NamedTuple by value, and every array in it as seven values or more: a call with four bundles of the
+numba passes a NamedTuple by value, and every array in it as seven values or more.  A call with four bundles of the
 solver has five hundred arguments, which take longer to compile and to pass than the work of the call.
-``by_address(bundle)`` has the same fields; a field is read from memory at every access, so loops copy their arrays into
-local variables first.
+``by_address(bundle)`` has the same fields.  A field is read from memory at every access, so loops copy their arrays
+into local variables first.
 
-Each allocation compiles for 0.25 s, so the work arrays of a kernel are cut from one array that Python passes in:
-``array, at = cut(room, at, shape)`` is the part of ``room`` (float64, one-dimensional) that begins at ``at``, and the
-position after it; ``cut_integers`` gives int64.  Nothing is set to zero, and the size of ``room`` is not checked.
+Each allocation adds 0.25 s of compilation, so a kernel's work arrays are cut from one array that Python passes in.
+``array, at = cut(room, at, shape)`` returns the part of ``room`` (float64, one-dimensional) that begins at ``at``, and
+the position after it; ``cut_integers`` returns int64.  Nothing is set to zero; the size of ``room`` is not checked.
 """
 
 import hashlib
@@ -41,8 +41,8 @@ from numba.np.arrayobj import populate_array
 
 _unpacked: Any = cgutils.unpack_tuple
 _populated: Any = populate_array
-_BYTES = 8  # of a number
-# Neither allocates arrays, so reference counting is off: it would cost more than the arithmetic of an inner kernel.
+_BYTES = 8  # size of a number
+# Neither allocates arrays, so reference counting is off; it would cost more than the arithmetic of an inner kernel.
 _PLAIN: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, "_nrt": False}
 _PART: dict[str, Any] = _PLAIN | {"nopython": True, "boundscheck": None, "no_cpython_wrapper": True}
 
@@ -58,7 +58,7 @@ def part(function: Any) -> Any:
 
 
 def inlined(function: Any) -> Any:
-    """Compile as ``part`` does, and inline it."""
+    """Compile as ``part`` does, and inline the function."""
     return _Part(function, targetoptions=_PART | {"forceinline": True}, pipeline_class=_Compiler)
 
 
@@ -70,7 +70,7 @@ class _Part(CPUDispatcher):  # type: ignore[misc]
 
 
 class _Compiler(CompilerBase):  # type: ignore[misc]
-    """numba's pipeline without the passes that a part does not need: closures, exceptions, array expressions."""
+    """numba's pipeline without passes that a part does not need: closures, exceptions, array expressions."""
 
     def define_pipelines(self) -> Any:
         if self.state.library is None:
@@ -87,7 +87,7 @@ class _Compiler(CompilerBase):  # type: ignore[misc]
 
 
 class _Unfinished(JITCodeLibrary):  # type: ignore[misc]
-    """A function's intermediate code, which is optimised and turned into machine code together with its callers'."""
+    """A function's intermediate code, which is optimised and translated to machine code together with its callers."""
 
     @property
     def codegen(self) -> Any:
@@ -107,7 +107,7 @@ class _Unfinished(JITCodeLibrary):  # type: ignore[misc]
 
 
 class _NoEnvironment:
-    """Replaces the environment that numba gives to functions which Python calls; a part needs none."""
+    """Replaces the environment that numba gives to functions called from Python; a part needs none."""
 
     def set_env(self, name: str, environment: Any) -> None:
         pass
@@ -117,15 +117,15 @@ _NO_ENVIRONMENT = _NoEnvironment()
 
 
 class BundleAddress(types.Type):
-    """The type of the address of a NamedTuple; a field that is a NamedTuple is an address too."""
+    """The type of the address of a NamedTuple; a field that is a NamedTuple is also an address."""
 
     def __init__(self, bundle: Any) -> None:
-        self.bundle = bundle  # its name is replaced by a digest, as names of types are part of all compiled code
+        self.bundle = bundle  # its name becomes a digest, because type names are part of all compiled code
         digest = hashlib.sha256(bundle.name.encode()).hexdigest()[:12]
         super().__init__(f"{bundle.instance_class.__name__}_{digest}")  # type: ignore[no-untyped-call]
 
     def field(self, name: str) -> Any:
-        """Return the type of a field, None if there is no field of that name."""
+        """Return the type of a field, or None if there is no field of that name."""
         if name not in self.bundle.fields:
             return None
         kind = self.bundle.types[self.bundle.fields.index(name)]

@@ -1,4 +1,4 @@
-"""Keeps foreign code out of the kernel cache: no configuration file of the working folder, no folder of other users."""
+"""Keep foreign code out of the kernel cache: no configuration file of the working folder, no folders of other users."""
 
 import os
 import stat
@@ -8,10 +8,10 @@ from pathlib import Path
 
 
 def import_numba() -> None:
-    """Import numba without its configuration file.
+    """Import numba without reading its configuration file.
 
-    numba reads ``.numba_config.yaml`` from the working folder, if PyYAML is installed, at its import and at every
-    compilation.  Such a file in a folder of foreign recordings could name a cache of foreign binaries.
+    If PyYAML is installed, numba reads ``.numba_config.yaml`` from the working folder at its import and at every
+    compilation.  In a folder of recordings from elsewhere, this file could name a cache of foreign binaries.
     """
     absent = object()
     before = sys.modules.get("yaml", absent)
@@ -26,7 +26,7 @@ def import_numba() -> None:
             else:
                 sys.modules["yaml"] = before  # type: ignore[assignment]
     config._config_fname = os.devnull + "/never"
-    # discards what was read if another program imported numba first
+    # discards what numba read if another program imported it first
     config._env_reloader.reset()  # type: ignore[no-untyped-call]
     if os.environ.get("NUMBA_CACHE_DIR", "") != config.CACHE_DIR:  # type: ignore[attr-defined]
         raise ImportError("numba's folder of compiled kernels is not the one of the environment")
@@ -52,7 +52,7 @@ def only_own(folder: Path) -> bool:
 
 
 def _own_group(group: int, user: int) -> bool:
-    if sys.platform == "win32":  # which has no such groups
+    if sys.platform == "win32":  # Windows has no user groups of this kind
         return True
     import grp
     import pwd

@@ -1,6 +1,6 @@
-"""Work in two threads, as kernels release the interpreter: independent items side by side, triangular systems by BLAS.
+"""Run work in two threads: independent items in parallel, and triangular systems by BLAS.
 
-scipy's own wrappers of BLAS hold the interpreter meanwhile.
+Kernels release Python's interpreter lock; scipy's own wrappers of BLAS hold it.
 """
 
 import ctypes
@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
-_POOL = ThreadPoolExecutor(16)  # more threads than cores, as some wait for work that they have started
+_POOL = ThreadPoolExecutor(16)  # more threads than cores, because some wait for work that they have started
 
 
 class _Idle:
-    """The number of idle cores; below zero if several callers work at once."""
+    """The number of idle cores; negative if several callers work at once."""
 
     def __init__(self, count: int) -> None:
         self._count, self._lock = count, threading.Lock()
@@ -34,18 +34,18 @@ class _Idle:
             return True
 
     def change(self, by: int) -> None:
-        """Count a core as idle (+1) or as working (-1); never waits."""
+        """Count a core as idle (+1) or as busy (-1); never waits."""
         with self._lock:
             self._count += by
 
 
-_idle = _Idle(1)  # besides the caller's own
+_idle = _Idle(1)  # in addition to the caller's core
 
 
 def side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
-    """Return ``function`` of every item, in order, computed on this core and on another one if it is idle.
+    """Return ``function`` of every item, in order, computed on this core and on a second core if one is idle.
 
-    Calls may be nested.  After an error no further item is begun; of several errors that of the first item is raised.
+    Calls may be nested.  After an error no further item starts; of several errors, that of the first item is raised.
     """
     shared = _Shared(function, list(items))
     helper: Future[None] | None = None
@@ -54,15 +54,15 @@ def side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> l
             helper = _POOL.submit(shared.help_out)
         shared.do(place)
     if helper is not None:
-        _idle.change(+1)  # this core, for nested work of the helper; or the helper's core if it has not begun
-        if not helper.cancel():  # it has begun, as nearly always
+        _idle.change(+1)  # this core, for nested work of the helper; or the core of a helper that has not started
+        if not helper.cancel():  # the helper has started, as in nearly all cases
             helper.result()
             _idle.change(-1)
     return shared.results()
 
 
 class _Shared(Generic[Item, Result]):
-    """Items that the caller and its helper work through."""
+    """The items that the caller and its helper process."""
 
     def __init__(self, function: Callable[[Item], Result], items: Sequence[Item]) -> None:
         self._function, self._items = function, items
@@ -72,11 +72,11 @@ class _Shared(Generic[Item, Result]):
 
     @property
     def waiting(self) -> bool:
-        """Get whether an item is left to begin."""
+        """Get whether an item remains to be started."""
         return self._next < len(self._items) and not self._errors
 
     def next_place(self) -> int | None:
-        """Return the place of the next item, None if none is left."""
+        """Return the index of the next item, or None if none remains."""
         with self._lock:
             if not self.waiting:
                 return None
@@ -84,14 +84,14 @@ class _Shared(Generic[Item, Result]):
             return self._next - 1
 
     def do(self, place: int) -> None:
-        """Compute one item and keep its result or error."""
+        """Compute one item and store its result or error."""
         try:
             self._done[place] = self._function(self._items[place])
         except BaseException as error:  # raised in the calling thread
             self._errors[place] = error
 
     def help_out(self) -> None:
-        """Compute the remaining items, on a core that was idle."""
+        """Compute the remaining items on a core that was idle."""
         try:
             while (place := self.next_place()) is not None:
                 self.do(place)
@@ -106,11 +106,11 @@ class _Shared(Generic[Item, Result]):
 
 
 _ONE = ctypes.byref(ctypes.c_double(1.0))
-_ARGUMENTS = 11  # of dtrsm: side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb
+_ARGUMENTS = 11  # number of dtrsm's arguments: side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb
 
 
 def _solver() -> Callable[..., None]:
-    """Return BLAS' dtrsm, as scipy offers it to compiled code."""
+    """Return the BLAS function dtrsm, as scipy exports it to compiled code."""
     kind = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * _ARGUMENTS)
     return kind(get_cython_function_address("scipy.linalg.cython_blas", "dtrsm"))
 
@@ -123,14 +123,14 @@ def solve_triangle(
 ) -> Floats:
     """Return the inverse of a triangular matrix, shape (r, r), times ``rows``, shape (r,) or (r, k).
 
-    ``transposed``: the inverse of its transpose; ``in_place``: rows in the order of Fortran are overwritten.  The other
-    half of the matrix is not read, and nothing is checked: a zero on the diagonal gives infinities.  Cost: r^2 k / 2
-    multiply-adds.  Raises ValueError where shapes do not fit.
+    ``transposed``: the inverse of its transpose; ``in_place``: rows in Fortran order are overwritten.  The other half
+    of the matrix is not read, and values are not checked: a zero on the diagonal gives infinities.  Cost: r^2 k / 2
+    multiply-adds.  Raises ValueError if the shapes do not match.
     """
     size = triangle.shape[0]
     if triangle.shape != (size, size) or rows.shape[:1] != (size,):
         raise ValueError(f"a matrix of shape {triangle.shape} is not solved with rows of shape {rows.shape}")
-    by_rows = triangle.flags.c_contiguous  # which BLAS takes for the transpose
+    by_rows = triangle.flags.c_contiguous  # BLAS reads this order as the transpose
     matrix = triangle if by_rows else np.asfortranarray(triangle, dtype=np.float64)
     out = np.array(rows, dtype=np.float64, order="F", copy=not in_place or None)
     if not out.size:

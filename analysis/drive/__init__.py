@@ -1,4 +1,4 @@
-"""A slider driven by a measured force: its mass, drag and further laws by regression, and its repeatability."""
+"""A slider driven by a measured force: its mass, drag and other laws by regression, and its repeatability."""
 
 import lazy_loader
 

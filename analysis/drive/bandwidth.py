@@ -1,4 +1,4 @@
-"""The bandwidth in which force and motion of a driven record are compared, chosen from the record itself."""
+"""Choose the bandwidth in which force and motion of a driven record are compared, from the record itself."""
 
 import itertools
 from functools import lru_cache
@@ -8,18 +8,18 @@ import numpy as np
 from analysis.shot import AnalysisError, Floats, Motion
 from analysis.signal import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives, stretches
 
-CLEAR = 100.0  # signal over noise power at the edge: noise of 1 % in a regressor biases its coefficient by as much
+CLEAR = 100.0  # signal-to-noise power ratio at the band edge: 1 % noise in a regressor biases its coefficient by 1 %
 BANDS_AN_OCTAVE = 4
-LEAST_FILTERS = 60.0  # a record must last so many times the filter's time 1 / bandwidth: each end costs ten
-_PIECES = 6  # of the record, for the spectrum
+LEAST_FILTERS = 60.0  # least length of a record in units of 1 / bandwidth; the filter takes ten of them at each end
+_PIECES = 6  # number of segments of the record for its spectrum
 
 
 def bandwidth_of(motion: Motion) -> float:
     """Return the bandwidth in Hz in which force and motion are compared.
 
-    The wider of two: up to where the motion's power is ``CLEAR`` times its noise, and up to where mass times the noise
-    of the acceleration equals the noise of the force.  At most what the derivative filters can do, at least what
-    leaves the record longer than the filter.  Raises AnalysisError where the record is too short or nothing moves.
+    It is the wider of two: the band in which the motion's power is at least ``CLEAR`` times its noise, and the band in
+    which mass times acceleration noise is at most the force noise.  The derivative filters limit it from above, the
+    length of the record from below.  Raises AnalysisError if the record is too short or nothing moves.
     """
     rate = motion.sample_rate_hz
     start, stop = max(
@@ -43,10 +43,10 @@ def bandwidth_of(motion: Motion) -> float:
 def force_noise(motion: Motion) -> float:
     """Return the standard deviation in N of one force sample's white noise.
 
-    The motion's own estimate counts everything that changes from sample to sample as noise; where the drive itself
-    changes so fast, the top of the force's spectrum gives a smaller, truer value.
+    The motion's own estimate counts every change from sample to sample as noise.  If the drive itself changes that
+    fast, the top of the force's spectrum gives a smaller and more accurate value.
     """
-    from scipy.signal import welch  # with all of scipy.stats: not at every start
+    from scipy.signal import welch  # slow import (all of scipy.stats): not at every start
 
     known = np.isfinite(motion.force_n)
     start, stop = max(stretches(known), key=lambda ends: ends[1] - ends[0])
@@ -59,7 +59,7 @@ def force_noise(motion: Motion) -> float:
 
 
 def _equal_noise_hz(place: Floats, force: Floats, rate: float, clear: float, noise: tuple[float, float]) -> float:
-    """Return the bandwidth at which mass times the noise of the acceleration is the noise of the force."""
+    """Return the largest bandwidth in which mass times the noise of the acceleration is below the force noise."""
     velocity, acceleration = derivatives(place, rate, clear)
     columns = np.stack([acceleration, velocity, np.sign(velocity), np.ones(place.size)], axis=1)
     known = np.isfinite(columns).all(axis=1)
@@ -73,7 +73,7 @@ def _equal_noise_hz(place: Floats, force: Floats, rate: float, clear: float, noi
 
 @lru_cache(maxsize=1)
 def _acceleration_gains() -> tuple[tuple[float, float], ...]:
-    """Return bandwidths and the noise gains of the acceleration in them, at a sample rate of 1 Hz."""
+    """Return pairs of a bandwidth and the noise gain of the acceleration in it, at a sample rate of 1 Hz."""
     shares = np.geomspace(0.005, MAX_BANDWIDTH_SHARE, 40).tolist()
     return tuple((share, derivative_filters(1.0, share).acceleration_gain) for share in shares)
 
@@ -81,10 +81,10 @@ def _acceleration_gains() -> tuple[tuple[float, float], ...]:
 def _clear_hz(place: Floats, rate: float, noise_m: float) -> float:
     """Return the highest frequency at which the displacement's power is ``CLEAR`` times its white noise.
 
-    Differentiation raises noise and motion alike, so their ratio is that of the displacement.  The spectrum is taken
-    of second differences: they are so flat that the window does not leak the slow motion over the fast one.
+    Differentiation amplifies noise and motion alike, so their ratio is that of the displacement.  The spectrum is that
+    of second differences.  It is flat, so that the window does not leak power of slow motion into fast motion.
     """
-    from scipy.signal import welch  # with all of scipy.stats: not at every start
+    from scipy.signal import welch  # slow import (all of scipy.stats): not at every start
 
     second = np.diff(place, 2)
     frequency, density = welch(second, rate, nperseg=min(second.size, max(64, second.size // _PIECES)))

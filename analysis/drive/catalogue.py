@@ -1,7 +1,7 @@
 """The laws that may act in a drive in addition to mass, viscous drag and a constant force.
 
-A law adds a force to M a + c v + f_0 that is linear in some parameters, which are solved for, and nonlinear in others,
-which are searched.  To add a law, add a function and a row of ``LAWS``.  Sources: H. Olsson, K. J. Astroem et al.,
+A law adds a force to M a + c v + f_0.  Its linear parameters are solved for, its nonlinear parameters are searched.
+To add a law, add a function and a row of ``LAWS``.  Sources: H. Olsson, K. J. Astroem et al.,
 "Friction models and friction compensation", Eur. J. Control 4 (1998); J. Swevers, W. Verdonck, J. De Schutter,
 "Dynamic model identification for industrial robots", IEEE Control Syst. 27 (2007).
 """
@@ -22,7 +22,7 @@ BASE = ("moving_mass_kg", "viscous_coefficient_n_s_per_m", "offset_n")
 
 
 class ParameterScale(Enum):
-    """The quantity of the record that a nonlinear parameter's bounds and grid are given in shares of."""
+    """The quantity of a record in units of which a nonlinear parameter's bounds and grid are given."""
 
     SPEED = "the fastest speed"
     TRAVEL = "the travel"
@@ -33,7 +33,7 @@ class ParameterScale(Enum):
 
 @dataclass(frozen=True, slots=True)
 class NonlinearParameter:
-    """A parameter in which the force is not linear: its bounds and first grid, in shares of ``scale``."""
+    """A parameter in which the force is nonlinear, with bounds and starting grid as shares of ``scale``."""
 
     name: str
     scale: ParameterScale
@@ -43,7 +43,7 @@ class NonlinearParameter:
     logarithmic: bool = True
 
     def scale_in(self, stretches: Sequence[Stretch]) -> float:
-        """Return what one share is worth in these records, in the parameter's unit."""
+        """Return the value of ``scale`` in these records, in the parameter's unit."""
         if self.scale is ParameterScale.SPEED:
             return max(float(np.abs(stretch.velocity_m_per_s[stretch.used]).max()) for stretch in stretches)
         if self.scale in (ParameterScale.TRAVEL, ParameterScale.PITCH):
@@ -57,7 +57,7 @@ class Law(Effect):
 
     ``force(stretch, nonlinear)`` returns a column (n,) for each linear parameter, in N per unit of it.  Without
     ``force`` the law delays the measured force by its one nonlinear parameter, in s.  ``of_force``: the law is computed
-    from the measured force, so where it is nearly proportional to it, it would explain anything.
+    from the measured force, and where it is nearly proportional to that force it would explain any motion.
     """
 
     linear: tuple[str, ...]
@@ -75,7 +75,7 @@ def _law(
     nonlinear: tuple[NonlinearParameter, ...] = (),
     *,
     of_force: bool = False,
-    words: str = "",  # where the name alone does not say it
+    words: str = "",  # if they differ from the name
 ) -> Law:
     names = (*linear, *(parameter.name for parameter in nonlinear))
     return Law(
@@ -98,7 +98,7 @@ def coulomb(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
 
 
 def directional_drag(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
-    """Return c_d |v|, c_d in N s/m: the drag is c + c_d one way and c - c_d the other."""
+    """Return c_d |v|, c_d in N s/m: the drag is c + c_d in one direction and c - c_d in the other."""
     return (np.abs(stretch.velocity_m_per_s),)
 
 
@@ -108,19 +108,19 @@ def quadratic_drag(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
 
 
 def stribeck(stretch: Stretch, nonlinear: Sequence[float]) -> Columns:
-    """Return F_s sgn v exp(-|v|/v_s), F_s in N, above zero if friction rises towards rest (R. Stribeck, 1902)."""
+    """Return F_s sgn v exp(-|v|/v_s), F_s in N; F_s > 0 if friction rises towards rest (R. Stribeck, 1902)."""
     v = stretch.velocity_m_per_s
     return (np.sign(v) * np.exp(-np.abs(v) / nonlinear[0]),)
 
 
 def dahl(stretch: Stretch, nonlinear: Sequence[float]) -> Columns:
-    """Return F_d (z - sgn v), F_d in N: sliding friction that builds up over a reach (m) after each reversal."""
+    """Return F_d (z - sgn v), F_d in N: sliding friction that builds up over a distance (m) after each reversal."""
     v = stretch.velocity_m_per_s
     return (bristle_deflection(stretch.displacement_m, v, np.ones(v.size), nonlinear[0]) - np.sign(v),)
 
 
 def lugre(stretch: Stretch, nonlinear: Sequence[float]) -> Columns:
-    """Return F_l (z - sgn v), z approaching 1 + e exp(-(v/v_s)^2) over a reach (m); v_s in m/s, e without unit."""
+    """Return F_l (z - sgn v); z tends to 1 + e exp(-(v/v_s)^2) over a distance (m); v_s in m/s, e without unit."""
     v = stretch.velocity_m_per_s
     level = 1.0 + nonlinear[2] * np.exp(-((v / nonlinear[1]) ** 2))
     return (bristle_deflection(stretch.displacement_m, v, level, nonlinear[0]) - np.sign(v),)
@@ -128,11 +128,11 @@ def lugre(stretch: Stretch, nonlinear: Sequence[float]) -> Columns:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def bristle_deflection(displacement_m: Floats, velocity_m_per_s: Floats, level: Floats, reach_m: float) -> Floats:
-    """Return the bristles' deflection z, shape (n,), in shares of sliding friction: dz/dx = (level - z sgn v)/reach.
+    """Return the bristle deflection z, shape (n,), relative to sliding friction: dz/dx = (level - z sgn v)/reach.
 
     ``level``, shape (n,), is the deflection in steady sliding: 1 for Dahl's law (P. Dahl, 1968), Stribeck's curve for
-    LuGre's (C. Canudas de Wit et al., IEEE Trans. Autom. Control 40, 1995).  Exact for a level constant over a step.
-    The record begins in steady sliding in its first direction.  Cost: one exponential per sample.
+    LuGre (C. Canudas de Wit et al., IEEE Trans. Autom. Control 40, 1995).  Exact for a level constant over a step.
+    The record is assumed to begin in steady sliding in its first direction.  Cost: one exponential per sample.
     """
     out = np.empty(displacement_m.size)
     deflection = 0.0
@@ -149,24 +149,24 @@ def bristle_deflection(displacement_m: Floats, velocity_m_per_s: Floats, level: 
 
 
 def ripple(stretch: Stretch, nonlinear: Sequence[float]) -> Columns:
-    """Return s sin(2 pi x/p) + c cos(2 pi x/p), s and c in N, p in m: as magnets or a screw make."""
+    """Return s sin(2 pi x/p) + c cos(2 pi x/p), s and c in N, p in m: the ripple of magnets or of a screw."""
     angle = 2.0 * np.pi * stretch.displacement_m / nonlinear[0]
     return np.sin(angle), np.cos(angle)
 
 
 def place_friction(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
-    """Return sgn v (s x + q x^2), s in N/m, q in N/m2: a guide that is tighter in places."""
+    """Return sgn v (s x + q x^2), s in N/m, q in N/m2: friction of a guide that is tighter at some positions."""
     way, x = np.sign(stretch.velocity_m_per_s), stretch.displacement_m
     return way * x, way * x**2
 
 
 def load_friction(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
-    """Return m |F| sgn v, m without unit: friction proportional to the force that a gear or screw transmits."""
+    """Return m |F| sgn v, m without unit: friction proportional to the force transmitted by a gear or screw."""
     return (np.abs(stretch.force_n) * np.sign(stretch.velocity_m_per_s),)
 
 
 def gradient(stretch: Stretch, _nonlinear: Sequence[float]) -> Columns:
-    """Return k x, k in N/m: a spring, a cable, a guide that is not level throughout."""
+    """Return k x, k in N/m: a spring, a cable, or a guide whose slope varies."""
     return (stretch.displacement_m,)
 
 
@@ -227,13 +227,13 @@ LAWS: dict[str, Law] = {
     )
 }  # fmt: skip
 
-GAIN_ERROR = Effect(  # a candidate of a diagnosis, and no law that a model may have
+GAIN_ERROR = Effect(  # a candidate of a diagnosis, but not a law that a model can include
     "gain_error", "an error of the force's scale", Acts.IN_DRIVE, (Parameter("fraction", "", 1e-3),), "fraction"
 )
 
 
 def laws_named(laws: Iterable[Effect | str]) -> tuple[Law, ...]:
-    """Return a drive's laws, some of which a script gives by their names.  Raises AnalysisError for anything else."""
+    """Return a drive's laws, given as effects or by name.  Raises AnalysisError for anything else."""
     names = [law if isinstance(law, str) else law.name for law in laws]
     if unknown := [name for name in names if name not in LAWS]:
         raise AnalysisError(f"no effect of a drive is called {unknown[0]!r}; there are {', '.join(LAWS)}")

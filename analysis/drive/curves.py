@@ -1,4 +1,4 @@
-"""The curves of a driven record for plots: measured force and the force that the fitted model gives for its motion."""
+"""Curves of a driven record for plots: the measured force, and the fitted model's force for the measured motion."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from analysis.shot import Fit, Floats, Motion
 if TYPE_CHECKING:
     from analysis.drive.repeatability import Repeatability
 
-GAP = 1.5  # steps without a sample: there a curve is broken
+GAP = 1.5  # time between samples, in steps, beyond which a curve is broken
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DriveCurves:
-    """Arrays of shape (n,), time rising, low-passed at ``bandwidth_hz``; NaN separates the compared stretches."""
+    """Arrays of shape (n,) in order of time, low-passed at ``bandwidth_hz``; NaN separates the compared stretches."""
 
     time_s: Floats
     displacement_m: Floats
@@ -30,16 +30,16 @@ class DriveCurves:
 
     @property
     def residual_n(self) -> Floats:
-        """Get the measured force minus the modelled one."""
+        """Get the measured force minus the modelled force."""
         return self.measured_n - self.modelled_n
 
 
 def drive_curves(motion: Motion, fit: Fit) -> DriveCurves:
     """Return the curves of one record under a fit.  Raises AnalysisError.
 
-    Cost: the derivative filters over the record once, some 10 us per sample.
+    Cost: one pass of the derivative filters over the record, about 10 us per sample.
     """
-    from analysis.drive.driven_fit import filtered_noise_n  # with the regression: a window knows the curves without it
+    from analysis.drive.driven_fit import filtered_noise_n  # imports the regression, which a window does not need
     from analysis.drive.regression import delay_of, regress
     from analysis.drive.repeatability import repeatability_of
     from analysis.drive.stretch import Table, prepare
@@ -62,6 +62,6 @@ def drive_curves(motion: Motion, fit: Fit) -> DriveCurves:
 
 
 def _with_breaks(column: Floats, breaks: NDArray[np.int64], *, between: bool = False) -> Floats:
-    """Return a column with a further sample at every break: NaN, or the time ``between`` its neighbours."""
+    """Return a column with one sample inserted at every break: NaN, or the mean of its neighbours if ``between``."""
     filling = 0.5 * (column[breaks - 1] + column[breaks]) if between else np.full(breaks.size, np.nan)
     return np.insert(column, breaks, filling)

@@ -1,4 +1,4 @@
-"""Fit a driven slider, as a ``Fit``: mass, drag, offset, the effects asked for; compare its mass with that stated."""
+"""Fit a driven slider's mass, drag, offset and requested effects; compare the fitted mass with the stated mass."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -18,7 +18,7 @@ from analysis.signal import derivative_filters
 
 MASS = "moving_mass_kg"
 AGREE_SIGMAS = 4.0
-AGREE_SHARE = 0.02  # by so much a force's scale, or a law still missing, may change the fitted mass
+AGREE_SHARE = 0.02  # relative error of the fitted mass allowed for the force's scale or for a missing law
 FLAG = "mass_disagrees"
 
 
@@ -32,7 +32,7 @@ class MassCheck:
 
     @property
     def fixed(self) -> dict[str, float]:
-        """Get the parameters that a fit takes as known: the stated mass where the fitted one agrees with it."""
+        """Get the parameters held fixed in a fit: the stated mass, if the fitted mass agrees with it."""
         return {MASS: self.stated.value} if self.stated is not None and self.agrees else {}
 
     @property
@@ -46,9 +46,9 @@ class MassCheck:
 
 
 def check_mass(motions: Sequence[Motion], found: Regression) -> MassCheck:
-    """Compare the stated masses with that of ``found``, a fit with the mass free.
+    """Compare the stated masses with the mass of ``found``, a fit in which the mass is free.
 
-    Raises AnalysisError where the fitted mass is not positive or the records state different masses.
+    Raises AnalysisError if the fitted mass is not positive or the records state different masses.
     """
     fitted = found.quantity(MASS)
     if fitted.value <= 0.0:
@@ -70,7 +70,7 @@ def check_mass(motions: Sequence[Motion], found: Regression) -> MassCheck:
 
 
 def fit_driven(motions: Sequence[Motion], effects: Sequence[Effect | str] = (), stop: Stop = lambda: False) -> Fit:
-    """Return the slider's fit; its ``shots`` are empty, as nothing collides.  Raises AnalysisError, Cancelled."""
+    """Return the slider's fit; its ``shots`` are empty, because nothing collides.  Raises AnalysisError, Cancelled."""
     began = time.perf_counter()
     table = Table.of(prepare(motions), stop)
     free = fit_accepted(table, [law.name for law in laws_named(effects)])
@@ -87,7 +87,7 @@ def as_fit(
     repeatability: Repeatability,
     seconds: float,
 ) -> Fit:
-    """Return a regression as a Fit; its chi2 is relative to the drive's repeatability."""
+    """Return a regression as a ``Fit``, with chi2 relative to the drive's repeatability."""
     parameters = {name: found.quantity(name) for name in found.names}
     covariance = found.covariance
     if mass_check.fixed and mass_check.stated is not None:
@@ -109,7 +109,7 @@ def as_fit(
 
 
 def chi2(error_n: float, repeatability: Repeatability) -> float:
-    """Return the square of an rms force error over that of the repeatability."""
+    """Return the square of the ratio of an rms force error to the repeatability."""
     return (error_n / repeatability.force_n) ** 2 if repeatability.force_n > 0.0 else float("nan")
 
 

@@ -1,8 +1,8 @@
-"""Estimate by how much each law, and each pair of laws, would reduce the residual, before anything is fitted.
+"""Estimate by how much each law, and each pair of laws, would reduce the residual, before any fit.
 
-Two laws may show only together (without friction near rest, a delay alone makes a drive's fit worse), so pairs are
-screened like single laws.  A law's columns at every point of its grid are made orthogonal to the fitted model and
-projected on the residual.
+Pairs are screened as well as single laws, because two laws may be visible only together: without friction near rest, a
+delay alone makes a drive's fit worse.  A law's columns at every point of its grid are made orthogonal to the fitted
+model and projected onto the residual.
 """
 
 import itertools
@@ -16,15 +16,15 @@ from analysis.drive.regression import DEPENDENT, ZERO_LENGTH, NonlinearValues, R
 from analysis.drive.stretch import Mask, Stretch, Table, low_pass
 from analysis.shot import Floats
 
-MOST_WAVES = 400.0  # along the travel: the finest ripple that is searched
+MOST_WAVES = 400.0  # waves along the travel of the finest ripple that is searched
 WAVE_STEP = 0.4
 RIPPLES = 3
-APART_FROM_FORCE = 0.1  # of a law computed from the force: with less orthogonal to it, the force explains itself
+APART_FROM_FORCE = 0.1  # least share, orthogonal to the force, of a law computed from the force; below it, circular
 
 
 @dataclass(frozen=True, slots=True)
 class CandidateLaws:
-    """Laws to add, first values of their nonlinear parameters, and the sum of squares they would remove."""
+    """Laws to add, starting values of their nonlinear parameters, and the sum of squares that they would remove."""
 
     laws: tuple[str, ...]
     nonlinear: NonlinearValues
@@ -33,7 +33,7 @@ class CandidateLaws:
 
 @dataclass(frozen=True, slots=True)
 class ScreenedLaws:
-    """Candidates, best first, and the laws that depend linearly on the model in this motion, whatever their size."""
+    """Candidates, best first, and the laws that depend linearly on the model in this motion, whatever their values."""
 
     singles: tuple[CandidateLaws, ...]
     pairs: tuple[CandidateLaws, ...]
@@ -50,7 +50,7 @@ class _Group:
 def screen_laws(
     table: Table, found: Regression, *, pairs: bool = True, laws: Sequence[str] = tuple(LAWS)
 ) -> ScreenedLaws:
-    """Screen those of ``laws`` that are not in the fit ``found``, over the samples that it was fitted to."""
+    """Screen those of ``laws`` that are not in the fit ``found``, over the samples of that fit."""
     mask = found.mask
     basis = orthonormal(found.tangents[mask])
     rest = project_out(basis, found.residual_n[mask][:, None])[:, 0]
@@ -83,7 +83,7 @@ def grid_points(law: Law, stretches: Sequence[Stretch]) -> list[tuple[float, ...
 
 
 def project_out(basis: Floats, columns: Floats) -> Floats:
-    """Return columns (m, k) minus their projection on an orthonormal basis (m, j)."""
+    """Return columns (m, k) minus their projection onto an orthonormal basis (m, j)."""
     return np.asarray(columns - basis @ (basis.T @ columns))
 
 
@@ -108,7 +108,7 @@ def _group(table: Table, law: Law, nonlinear: tuple[float, ...], mask: Mask, bas
 
 
 def _delayed(table: Table, found: Regression, basis: Floats) -> dict[float, Floats]:
-    """Return the residual when the force is delayed or advanced, by its delay in s."""
+    """Return the residuals for a delayed or advanced force, as a mapping from the delay in s."""
     law = LAWS["drive_delay"]
     now = table.force(delay_of(found.nonlinear))[found.mask]
     rest = found.residual_n[found.mask]
@@ -129,7 +129,7 @@ def _ripple_pitches(table: Table, mask: Mask, basis: Floats, rest: Floats) -> li
     lag = np.arange(taps.size) - taps.size // 2
     gain = np.cos(2.0 * np.pi * frequencies[:, None] / rate * lag) @ taps
     slow = float(np.quantile(speed, 0.2))
-    finest = min(MOST_WAVES, 1.5 * bandwidth * travel / slow)  # beyond it the filter leaves nothing of the wave
+    finest = min(MOST_WAVES, 1.5 * bandwidth * travel / slow)  # the filter removes finer waves
     found = []
     for wave in np.arange(1.5, finest, WAVE_STEP).tolist():
         through = np.interp(speed * wave / travel, frequencies, gain, right=0.0)
@@ -157,7 +157,7 @@ def _pairs(groups: Sequence[_Group], rest: Floats, later: Mapping[float, Floats]
             continue
         a, b = slice(ends[i], ends[i + 1]), slice(ends[j], ends[j + 1])
         cross = gram[a, b]
-        inner = np.eye(cross.shape[1]) - cross.T @ cross  # of b, made orthogonal to a
+        inner = np.eye(cross.shape[1]) - cross.T @ cross  # of b after orthogonalisation to a
         if np.linalg.eigvalsh(inner)[0] < 1e-4:
             continue
         new = pull[b] - cross.T @ pull[a]

@@ -1,4 +1,4 @@
-"""Search for the laws of a drive: one or two are added at a time, where they predict samples left out better."""
+"""Search for the laws of a drive: one or two are added at a time if they improve the prediction of held-out samples."""
 
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
@@ -15,18 +15,18 @@ from analysis.drive.stretch import Mask, Table
 from analysis.shot import AnalysisError, Floats
 
 BIC_AGAINST_BASE, BIC_AGAINST_NEXT = 10.0, 6.0  # docs/how-a-diagnosis-decides.md
-PAYS = 0.02  # of the force error of prediction, by which a law must reduce it
-SAME_LAW = 0.35  # of a law's force, by which it may differ between the halves of the records
+PAYS = 0.02  # share by which each added law must reduce the force error of prediction
+SAME_LAW = 0.35  # relative difference of a law's force allowed between the halves of the records
 MOST_LAWS = 5
 FOLDS = 6
-TRIED_SINGLES, TRIED_PAIRS = 3, 3  # fitted, of those screened
+TRIED_SINGLES, TRIED_PAIRS = 3, 3  # number of screened candidates that are fitted
 MOST_ALIKE_FITTED = 2
-WORTH_A_FIT = 3.0  # a look-alike must remove more than the law's reduction over this, by screening, to be fitted
+WORTH_A_FIT = 3.0  # a look-alike is fitted if screening predicts at least the law's reduction over this
 
 
 @dataclass(frozen=True, slots=True)
 class Split:
-    """A table split into fitted samples ``kept``, predicted samples ``held``, and folds for cross-validation."""
+    """A table split into fitted samples ``kept``, held-out samples ``held``, and folds for cross-validation."""
 
     table: Table
     kept: Mask
@@ -35,7 +35,7 @@ class Split:
 
     @classmethod
     def of(cls, table: Table) -> "Split":
-        """Split a table: the earlier half of each record is fitted, the later one predicted."""
+        """Split a table: the earlier half of each record is fitted, the later half is predicted."""
         kept = np.zeros(table.time_s.size, dtype=np.bool_)
         for record in np.unique(table.record):
             of = table.record == record
@@ -46,7 +46,7 @@ class Split:
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """Laws added to a model: their fit on the earlier half, its change of BIC, its rms force error of prediction."""
+    """Laws added to a model: the fit to the earlier half, its change of BIC, and its rms force errors of prediction."""
 
     added: tuple[str, ...]
     found: Regression
@@ -57,7 +57,7 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Merit:
-    """What a law contributes to the model it is in: its change of BIC, and the error of prediction without it."""
+    """A law's contribution to its model: the change of BIC, and the error of prediction without the law."""
 
     delta_bic: float
     without_it_n: float
@@ -79,7 +79,7 @@ class LawSearch:
 def search_laws(
     split: Split, accepted: Sequence[str] = (), tell: Callable[[float], None] = lambda _: None
 ) -> LawSearch:
-    """Search the model that predicts best; ``accepted`` laws stay in it in any case.  Raises Cancelled."""
+    """Search for the model that predicts best; ``accepted`` laws always stay in it.  Raises Cancelled."""
     found = fit_accepted(split.table, accepted, split.kept)
     most = MOST_LAWS + len(accepted)
     first: tuple[tuple[Trial, ...], tuple[str, ...]] | None = None
@@ -99,8 +99,8 @@ def search_laws(
 
 
 def fit_accepted(table: Table, laws: Sequence[str], mask: Mask | None = None) -> Regression:
-    """Return the fit of base and ``laws``, added in the order of their screening.  Raises AnalysisError."""
-    laws_named(laws)  # refuses what is none
+    """Return the fit of base and ``laws``, which are added in order of their screening.  Raises AnalysisError."""
+    laws_named(laws)  # raises for an unknown law
     found = regress(table, (), mask)
     while missing := [law for law in laws if law not in found.laws]:
         screened = screen_laws(table, found, pairs=len(missing) > 1, laws=missing)
@@ -114,7 +114,7 @@ def fit_accepted(table: Table, laws: Sequence[str], mask: Mask | None = None) ->
 
 
 def fit_candidates(split: Split, found: Regression, candidates: Sequence[CandidateLaws]) -> tuple[Trial, ...]:
-    """Return the fits with each of the candidates added, best first, without those that depend on the model."""
+    """Return the fit with each candidate added, best first; those that depend linearly on the model are omitted."""
     fits = []
     for candidate in candidates:
         with contextlib.suppress(AnalysisError):
@@ -122,7 +122,7 @@ def fit_candidates(split: Split, found: Regression, candidates: Sequence[Candida
             fits.append((candidate, regress(split.table, laws, split.kept, {**found.nonlinear, **candidate.nonlinear})))
     if not fits:
         return ()
-    count = min((new for _, new in fits), key=lambda new: new.rms_n).independent_samples  # one for all: they compete
+    count = min((new for _, new in fits), key=lambda new: new.rms_n).independent_samples  # common to all trials
     trials = [
         Trial(
             added=candidate.laws,
@@ -145,7 +145,7 @@ def bic_change(before: Regression, after: Regression, count: float) -> float:
 def cross_validated_n(split: Split, laws: Sequence[str], nonlinear: NonlinearValues) -> float:
     """Return the rms force error in N when each part of the cycle is predicted from the others.
 
-    Nonlinear parameters stay as they are.
+    Nonlinear parameters stay fixed.
     """
     columns = design(split.table, laws, nonlinear)
     target = split.table.force(delay_of(nonlinear))
@@ -157,7 +157,7 @@ def cross_validated_n(split: Split, laws: Sequence[str], nonlinear: NonlinearVal
 
 
 def same_in_both_halves(split: Split, found: Regression, law: str) -> bool:
-    """Return whether a fit to the later half gives nearly the same force of this law as one to the earlier half."""
+    """Return whether fits to the later and to the earlier half give nearly the same force of this law."""
     try:
         other = regress(split.table, found.laws, split.held, found.nonlinear)
     except AnalysisError:
@@ -167,7 +167,7 @@ def same_in_both_halves(split: Split, found: Regression, law: str) -> bool:
 
 
 def law_force(table: Table, found: Regression, law: str) -> Floats:
-    """Return the force that a law has in a fit, shape (m,)."""
+    """Return the force of a law in a fit, shape (m,)."""
     row = LAWS[law]
     if row.force is None:
         (time_s,) = found.nonlinear[law]
@@ -177,7 +177,7 @@ def law_force(table: Table, found: Regression, law: str) -> Floats:
 
 
 def _best(split: Split, found: Regression, trials: Sequence[Trial]) -> Trial | None:
-    """Return the best trial whose laws improve BIC and predictions and are the same in both halves; None without."""
+    """Return the best trial whose laws improve BIC and predictions and are the same in both halves, or None."""
     held, across = found.rms_of(split.held), cross_validated_n(split, found.laws, found.nonlinear)
     singles = [trial for trial in trials if len(trial.added) == 1]
     alone = min(singles, key=lambda t: t.delta_bic, default=None)
@@ -198,7 +198,7 @@ def _best(split: Split, found: Regression, trials: Sequence[Trial]) -> Trial | N
 
 
 def _without_useless(split: Split, found: Regression, accepted: Sequence[str]) -> tuple[Regression, dict[str, Merit]]:
-    """Return the model without the laws that no longer contribute once later ones are in it, and the others' merits."""
+    """Return the model without laws made redundant by later ones, and the merits of the remaining laws."""
     merits = {}
     for law in [name for name in found.laws if name not in accepted]:
         rest = tuple(name for name in found.laws if name != law)
@@ -211,7 +211,7 @@ def _without_useless(split: Split, found: Regression, accepted: Sequence[str]) -
 
 
 def look_alikes(table: Table, found: Regression, law: str) -> tuple[str, ...]:
-    """Return the laws that fit nearly as well in the place of ``law``, by BIC; best first."""
+    """Return the laws that fit nearly as well as ``law`` in its place, by BIC; best first."""
     rest = tuple(name for name in found.laws if name != law)
     try:
         fewer = regress(table, rest, None, found.nonlinear)
@@ -219,7 +219,7 @@ def look_alikes(table: Table, found: Regression, law: str) -> tuple[str, ...]:
         return ()
     taken = float(fewer.residual_n @ fewer.residual_n) - float(found.residual_n @ found.residual_n)
     alike = []
-    others = [name for name in LAWS if name not in (law, "position_ripple")]  # nothing else looks like a wave
+    others = [name for name in LAWS if name not in (law, "position_ripple")]  # no other law resembles a ripple
     for candidate in screen_laws(table, fewer, pairs=False, laws=others).singles[:MOST_ALIKE_FITTED]:
         if candidate.gain_n2 * WORTH_A_FIT < taken:
             break

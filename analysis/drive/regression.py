@@ -1,4 +1,4 @@
-"""Least squares on the force of a driven slider: linear parameters are solved for, nonlinear ones searched."""
+"""Least squares on the force of a driven slider: linear parameters are solved for, nonlinear ones are searched."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -10,19 +10,19 @@ from analysis.drive.catalogue import BASE, LAWS, ParameterScale
 from analysis.drive.stretch import Mask, Table
 from analysis.shot import AnalysisError, Floats, Quantity
 
-NonlinearValues = Mapping[str, tuple[float, ...]]  # by law, for each law that has nonlinear parameters
-ZERO_LENGTH = 1e-150  # of a column, its square still a number: a law that acts nowhere in a motion is shorter
-DEPENDENT = 1e-7  # of a column: with less than this orthogonal to the others it depends on them
-_STEP = 1e-3  # of a search coordinate, for derivatives by nonlinear parameters
+NonlinearValues = Mapping[str, tuple[float, ...]]  # by the name of each law that has nonlinear parameters
+ZERO_LENGTH = 1e-150  # least length of a column, whose square is not 0; a law that never acts is shorter
+DEPENDENT = 1e-7  # least squared share of a column orthogonal to the others; with less it depends on them
+_STEP = 1e-3  # relative step for derivatives with respect to nonlinear parameters
 
 
 @dataclass(frozen=True, slots=True)
 class Regression:
     """A least-squares solution over the samples of ``mask``; ``residual_n``, shape (m,), is over all samples.
 
-    ``tangents``, shape (m, free parameters), are the derivatives of the modelled force by every fitted parameter.
-    ``covariance`` is over ``names``, linear ones in the order of base and laws, then the nonlinear ones; it includes
-    the residual's correlation in time (sums over blocks), as neighbouring samples are not independent.
+    ``tangents``, shape (m, free parameters): derivatives of the modelled force with respect to every fitted parameter.
+    ``covariance`` is over ``names``: linear ones in the order of base and laws, then the nonlinear ones.  It includes
+    the residual's correlation in time (sums over blocks), because neighbouring samples are not independent.
     """
 
     names: tuple[str, ...]
@@ -44,7 +44,7 @@ class Regression:
         return rms(self.residual_n[samples])
 
     def quantity(self, name: str) -> Quantity:
-        """Return a parameter with its standard uncertainty, by its name."""
+        """Return the parameter called ``name`` with its standard uncertainty."""
         place = self.names.index(name)
         variance = float(self.covariance[place, place])
         return Quantity(float(self.values[place]), float(np.sqrt(max(0.0, variance))), "least squares on F")
@@ -55,12 +55,12 @@ class Regression:
 
 
 def rms(values: Floats) -> float:
-    """Return the root mean square; 0 of no values."""
+    """Return the root mean square; 0 if there are no values."""
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
 def delay_of(nonlinear: NonlinearValues) -> float:
-    """Return the delay in s of the motion after the force."""
+    """Return the delay in s of the motion relative to the force."""
     return nonlinear["drive_delay"][0] if "drive_delay" in nonlinear else 0.0
 
 
@@ -87,8 +87,8 @@ def regress(
 ) -> Regression:
     """Return the least-squares solution of base and laws over the samples of ``mask`` (all by default).
 
-    ``start`` gives first values of nonlinear parameters by law; ``fixed`` gives known parameters by the names of the
-    result.  Raises AnalysisError where the columns depend on each other in this motion, Cancelled.
+    ``start`` gives starting values of nonlinear parameters by law; ``fixed`` gives known parameters by their names in
+    the result.  Raises AnalysisError if the columns are linearly dependent in this motion, and Cancelled.
     """
     table.raise_if_cancelled()
     mask = np.ones(table.time_s.size, dtype=np.bool_) if mask is None else mask
@@ -159,13 +159,13 @@ def _linear_part(
 
 
 def least_squares(columns: Floats, target: Floats) -> Floats:
-    """Return the values of columns (m, k) that leave least of the target (m,); 0 for a column of zeros."""
+    """Return the least-squares coefficients of columns (m, k) for the target (m,); 0 for a column of zeros."""
     scale = np.maximum(np.linalg.norm(columns, axis=0), ZERO_LENGTH)
     return np.asarray(np.linalg.lstsq(columns / scale, target)[0] / scale)
 
 
 def _normal_equations(columns: Floats, target: Floats) -> Floats:
-    """Return ``least_squares`` by normal equations: less exact, at a tenth of the cost."""
+    """Return ``least_squares`` by normal equations: less accurate, at a tenth of the cost."""
     scale = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), ZERO_LENGTH)
     gram = (columns.T @ columns) / np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
     return np.asarray(np.linalg.solve(gram, columns.T @ target / scale) / scale)
@@ -174,7 +174,7 @@ def _normal_equations(columns: Floats, target: Floats) -> Floats:
 def _search_nonlinear(
     table: Table, laws: Sequence[str], mask: Mask, begin: NonlinearValues, fixed: Mapping[str, float]
 ) -> dict[str, tuple[float, ...]]:
-    """Return the nonlinear parameters at which the linear ones leave the least squares."""
+    """Return the nonlinear parameters that minimise the residual after the linear parameters are solved for."""
     free = _free_nonlinear(begin, fixed)
     held = {name: list(values) for name, values in begin.items()}
     if not free:
@@ -199,13 +199,13 @@ def _search_nonlinear(
     for (name, k), parameter, scale in zip(free, parameters, scales, strict=True):
         share = held[name][k] / scale
         ends = (parameter.low, parameter.high)
-        if parameter.scale is ParameterScale.PITCH:  # one wave more or fewer along the travel is another ripple
+        if parameter.scale is ParameterScale.PITCH:  # half a wave more or fewer along the travel
             ends = (share / (1.0 + 0.5 * share), share / (1.0 - 0.5 * share))
         z, *bounds = np.log([share, *ends]) if parameter.logarithmic else (share, *ends)
         low.append(bounds[0])
         high.append(bounds[1])
         first.append(np.clip(z, *bounds))
-    from scipy import optimize  # 17 MB and a sixth of a second that a window need not have
+    from scipy import optimize  # 17 MB and 0.17 s, which a window does not need
 
     width = np.subtract(high, low)
     found = optimize.least_squares(
@@ -235,7 +235,7 @@ def _derivative(
     values: Floats,
     at: tuple[str, int],
 ) -> Floats:
-    """Return the derivative of the modelled force by the nonlinear parameter ``at`` (law, index), others constant."""
+    """Return the partial derivative of the modelled force with respect to nonlinear parameter ``at`` (law, index)."""
     name, k = at
     parameter = LAWS[name].nonlinear_parameters[k]
     width = parameter.scale_in(table.stretches) * (parameter.high - parameter.low)
@@ -258,17 +258,17 @@ def _covariance(columns: Floats, residual: Floats) -> Floats:
 
 
 def _block_covariance(scores: Floats) -> Floats:
-    """Return the covariance of the scores' sum, (k, k), from sums over blocks longer than their correlation."""
+    """Return the covariance of the scores' sum, (k, k), from sums over blocks longer than the correlation time."""
     length = round(4.0 * scores.shape[0] ** (1.0 / 3.0))
     blocks = np.add.reduceat(scores, np.arange(0, scores.shape[0], length), axis=0)
     return np.asarray(blocks.T @ blocks)
 
 
 def independent_count(residual: Floats, record: NDArray[np.int64]) -> float:
-    """Return the number of independent samples in a residual, smaller than its size where neighbours correlate.
+    """Return the number of independent samples in a residual, smaller than its size if neighbours correlate.
 
-    Where one record is much noisier than the others it alone decides the sum of squares, so that the others count for
-    little (as in Kish's effective size of a weighted sample, 1965).
+    A record that is much noisier than the others dominates the sum of squares, so that the others count for little
+    (as in Kish's effective size of a weighted sample, 1965).
     """
     variance = float(residual @ residual)
     if variance == 0.0:

@@ -1,6 +1,6 @@
-"""The repeatability of a drive: the scatter of its force between cycles of one record, or records of one input.
+"""The repeatability of a drive: the scatter of its force between cycles of a record, or records of one input.
 
-What limits a model of a drive is rarely the white noise of the force; it is how nearly the drive repeats itself.
+A model of a drive is rarely limited by the white noise of the force; the limit is the drive's repeatability.
 """
 
 import itertools
@@ -15,14 +15,14 @@ from analysis.drive.regression import Regression, delay_of, rms
 from analysis.drive.stretch import Table
 from analysis.shot import Floats
 
-ALIKE = 0.01  # of the displacement's spread: two passes that differ by less are the same motion
-LEAST_OVERLAP = 0.25  # of a record, which a second pass must cover
+ALIKE = 0.01  # difference of two passes, as a share of the displacement's spread, below which their motion is the same
+LEAST_OVERLAP = 0.25  # share of a record that a second pass must cover
 _LEAST_SAMPLES = 100
 
 
 @dataclass(frozen=True, slots=True)
 class Repeatability:
-    """The force error that no model can go below; ``repeats``: observed between passes, else it is only the noise."""
+    """The lower limit of a model's force error; ``repeats``: observed between passes, otherwise only the noise."""
 
     force_n: float
     repeats: bool
@@ -31,9 +31,9 @@ class Repeatability:
 
 
 def repeatability_of(table: Table, found: Regression, noise_n: float) -> Repeatability:
-    """Return the scatter between passes, or the noise ``noise_n`` of the filtered force where nothing is repeated.
+    """Return the scatter between passes, or the noise ``noise_n`` of the filtered force if no motion is repeated.
 
-    Passes never move quite alike: the force that mass and drag of ``found`` give for the difference is subtracted.
+    Passes never move exactly alike, so the force of mass and drag (from ``found``) is subtracted from each.
     """
     passes = [*_cycle_pairs(table), *_record_pairs(table)]
     modelled = table.base()[:, :2] @ np.array([found.quantity(name).value for name in BASE[:2]])
@@ -46,11 +46,11 @@ def repeatability_of(table: Table, found: Regression, noise_n: float) -> Repeata
     return Repeatability(max(seen, noise_n), True, what, cycle_s)
 
 
-Pass = tuple[NDArray[np.int64], NDArray[np.int64], str, float | None]  # samples, the same later, words, cycle
+Pass = tuple[NDArray[np.int64], NDArray[np.int64], str, float | None]  # samples, their repeats, words, cycle in s
 
 
 def _cycle_pairs(table: Table) -> Iterator[Pass]:
-    """Yield (samples, the same a cycle later) of every stretch that repeats itself."""
+    """Yield (samples, those one cycle later) of every stretch that repeats itself."""
     start = 0
     for stretch in table.stretches:
         size = stretch.used.size
@@ -70,7 +70,7 @@ def _cycle_pairs(table: Table) -> Iterator[Pass]:
 
 def _cycle_lag(place: Floats) -> int | None:
     """Return the shortest lag in samples at which a displacement repeats itself, or None."""
-    from scipy.signal import correlate  # with all of scipy.stats: not at every start
+    from scipy.signal import correlate  # slow import (all of scipy.stats): not at every start
 
     known = np.isfinite(place)
     if known.sum() < _LEAST_SAMPLES:
@@ -92,7 +92,7 @@ def _cycle_lag(place: Floats) -> int | None:
 
 
 def _record_pairs(table: Table) -> Iterator[Pass]:
-    """Yield the samples of one record with those of another that has the same motion or the same force.
+    """Yield the samples of one record with those of another record with the same motion or the same force.
 
     Each record's time counts from its own first sample.
     """
@@ -113,7 +113,7 @@ def _record_pairs(table: Table) -> Iterator[Pass]:
 
 
 def _places(table: Table, record: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
-    """Return a record's sample rate, its samples' numbers from its beginning, and their indices in the table."""
+    """Return a record's sample rate, its sample numbers from the record's start, and their indices in the table."""
     stretches = [stretch for stretch in table.stretches if stretch.record == record]
     rate, begin = stretches[0].sample_rate_hz, min(float(stretch.time_s[0]) for stretch in stretches)
     at = np.flatnonzero(table.record == record)
@@ -126,9 +126,9 @@ def _relative_difference(one: Floats, other: Floats) -> float:
 
 
 def folds(table: Table, count: int) -> NDArray[np.int64]:
-    """Return the cross-validation fold of every sample, (m,): a part of the cycle, or of the time without cycles.
+    """Return the cross-validation fold of every sample, (m,): a part of the cycle, or of the record without cycles.
 
-    A later cycle is no test for a fit of an earlier one; a part of the cycle that was left out is.
+    A later cycle does not test a fit of an earlier cycle; a held-out part of the cycle does.
     """
     cycle_s = next((cycle for _, _, _, cycle in _cycle_pairs(table)), None)
     out = np.empty(table.time_s.size, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""The unbroken stretches of driven records, force and motion through one low-pass, and all compared samples in a table.
+"""Unbroken stretches of driven records, force and motion through one low-pass, and all compared samples in a table.
 
 Derivatives of the displacement are known in a limited band only.  Force and every law's force therefore pass the same
 low-pass as displacement, velocity and acceleration ("parallel filtering" in the identification of robots: M. Gautier,
@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 Mask = NDArray[np.bool_]
 FEWEST_SAMPLES = 200
 STANDSTILL_SIGMAS = 5.0
-OVERSAMPLED = 3.0  # samples kept for every hertz of the bandwidth: further ones would only be interpolated
-LONGEST_DELAY = 0.5  # between force and motion, in 1 / bandwidth: the longest that is searched
+OVERSAMPLED = 3.0  # sample rate kept, in units of the bandwidth; further samples would only be interpolated
+LONGEST_DELAY = 0.5  # longest delay between force and motion that is searched, in 1 / bandwidth
 _KAISER = 5.65  # 60 dB
-_HALF_LENGTH = 3.0  # of the low-pass, in 1 / bandwidth
-_LOST = 3.0 * _HALF_LENGTH + 2.0 * LONGEST_DELAY  # at each end of a stretch, to both filters, in 1 / bandwidth
-_MOST_CACHED = 40  # columns of laws kept a table
+_HALF_LENGTH = 3.0  # half length of the low-pass, in 1 / bandwidth
+_LOST = 3.0 * _HALF_LENGTH + 2.0 * LONGEST_DELAY  # lost at each end of a stretch to the filters, in 1 / bandwidth
+_MOST_CACHED = 40  # column sets of laws kept per table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -38,8 +38,8 @@ class Stretch:
     """One unbroken stretch of a record; arrays of shape (n,), evenly sampled, not thinned.
 
     Displacement, velocity and acceleration are low-passed at ``bandwidth_hz``; ``force_n`` is as measured, and
-    ``smooth`` passes it, or the force of a law, through the same low-pass.  ``used``, shape (m,), are the indices of
-    the samples that are compared; ``record`` is the index of the record.
+    ``smooth`` passes it, or the force of a law, through the same low-pass.  ``used``, shape (m,), holds the indices of
+    the compared samples; ``record`` is the index of the record.
     """
 
     time_s: Floats
@@ -48,14 +48,14 @@ class Stretch:
     acceleration_m_per_s2: Floats
     force_n: Floats
     used: NDArray[np.int64]
-    step: int  # one sample in so many is compared
+    step: int  # every ``step``-th sample is compared
     sample_rate_hz: float
     bandwidth_hz: float
     record: int
 
     def smooth(self, column: Floats, later_s: float = 0.0) -> Floats:
-        """Return a column (n,) through the low-pass at the samples used (m,), delayed by ``later_s``."""
-        from scipy.signal import upfirdn  # with all of scipy.stats: not at every start
+        """Return a column (n,) after the low-pass at the samples used (m,), delayed by ``later_s``."""
+        from scipy.signal import upfirdn  # slow import (all of scipy.stats): not at every start
 
         taps = low_pass(self.sample_rate_hz, self.bandwidth_hz, later_s)
         thinned = upfirdn(taps, np.concatenate([column, np.zeros(taps.size // 2)]), 1, self.step)
@@ -77,18 +77,18 @@ def low_pass(sample_rate_hz: float, bandwidth_hz: float, later_s: float = 0.0) -
 
 @lru_cache(maxsize=16)
 def derived(sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]:
-    """Return the taps of velocity (1/s) and acceleration (1/s^2), each (2 half + 1,), to convolve a displacement with.
+    """Return the taps, each (2 half + 1,), that turn a displacement into velocity (1/s) and acceleration (1/s^2).
 
-    Their response is that of ``low_pass`` times i w and (i w)^2, within some 1e-6 from the cut ends.  The derivative
-    filters of a motion are flatter than that low-pass, by 5e-3 near their edge, which in a force of high
-    signal-to-noise ratio would appear as a delay or an additional mass.
+    Their response is that of ``low_pass`` times i w and (i w)^2, within about 1e-6 due to truncation.  The derivative
+    filters of a motion are flatter than that low-pass, by 5e-3 near their edge.  With a force of high signal-to-noise
+    ratio, this difference would appear as a delay or as an additional mass.
     """
     taps = low_pass(sample_rate_hz, bandwidth_hz)
     length = 8 * taps.size
     turn = 2.0j * np.pi * np.fft.rfftfreq(length, 1.0 / sample_rate_hz)
-    half = taps.size  # twice the low-pass's own
+    half = taps.size  # twice the half length of the low-pass
     spectrum = np.fft.rfft(np.roll(np.pad(taps, (0, length - taps.size)), -(taps.size // 2)))
-    # beyond the low-pass's own length only an alternating sign is left, which is tapered
+    # beyond the low-pass's length only an alternating tail remains, which is tapered
     beyond = np.clip((np.abs(np.arange(-half, half + 1)) - taps.size // 2) / (half - taps.size // 2), 0.0, None)
     soft = np.cos(0.5 * np.pi * beyond) ** 2
     velocity, acceleration = (
@@ -100,7 +100,7 @@ def derived(sample_rate_hz: float, bandwidth_hz: float) -> tuple[Floats, Floats]
 def prepare(motions: Sequence[Motion]) -> tuple[Stretch, ...]:
     """Return the stretches of all records, at the narrowest of the records' bandwidths.
 
-    Raises AnalysisError where a record has no measured force, no motion, or too few samples.
+    Raises AnalysisError if a record has no measured force, no motion, or too few samples.
     """
     for motion in motions:
         if not motion.force_measured:
@@ -124,7 +124,7 @@ def _stretches_of(motion: Motion, record: int, bandwidth_hz: float) -> list[Stre
     rate = motion.sample_rate_hz
     filters = derived(rate, bandwidth_hz)
     half = int(np.ceil(_HALF_LENGTH * rate / bandwidth_hz))
-    from scipy.signal import fftconvolve  # with all of scipy.stats: not at every start
+    from scipy.signal import fftconvolve  # slow import (all of scipy.stats): not at every start
 
     edge = filters[0].size // 2 + half
     velocity_gain = float(np.linalg.norm(filters[0]))
@@ -141,7 +141,7 @@ def _stretches_of(motion: Motion, record: int, bandwidth_hz: float) -> list[Stre
         place += x[0]
         moves = _in_motion(np.abs(velocity) > STANDSTILL_SIGMAS * velocity_gain * noise_m, half)
         moves[:edge] = moves[-edge:] = False
-        used = np.arange(-(taps.size // 2) % step, stop - start, step)  # where a thinned filter has its outputs
+        used = np.arange(-(taps.size // 2) % step, stop - start, step)  # the outputs of a decimating filter
         columns = (motion.time_s[piece], place, velocity, acceleration, motion.force_n[piece])
         time_s, place, velocity, acceleration, force = (np.asarray(c, dtype=np.float64) for c in columns)
         out.append(
@@ -151,7 +151,7 @@ def _stretches_of(motion: Motion, record: int, bandwidth_hz: float) -> list[Stre
 
 
 def _in_motion(moves: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
-    """Return ``moves`` without the samples that a standstill longer than the filter reaches; reversals stay in."""
+    """Return the mask of samples beyond the filter's reach of any standstill longer than it; reversals stay in."""
     out = np.ones(moves.shape, dtype=np.bool_)
     for start, stop in unbroken(~moves):
         if stop - start > half:
@@ -161,9 +161,9 @@ def _in_motion(moves: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Table:
-    """The compared samples of all stretches, m in all; arrays of shape (m,).
+    """The compared samples of all stretches, m in total; arrays of shape (m,).
 
-    ``stop`` is called at every evaluation of a fit; where it returns True, Cancelled is raised.
+    ``stop`` is called at every evaluation of a fit; if it returns True, Cancelled is raised.
     """
 
     stretches: tuple[Stretch, ...]

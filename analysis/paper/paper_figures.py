@@ -50,7 +50,7 @@ def plate_from_force(time_s: Floats, force_n: Floats, plate_stiffness_n_per_m: f
 
     m_p* x_p'' = -k_p x_p - F (Eq. 4), the force linear between samples; the optics do not see the plate.
     """
-    from scipy.signal import lsim  # with all of scipy.stats: not at every start
+    from scipy.signal import lsim  # slow import (all of scipy.stats): not at every start
 
     system = (
         np.array([[0.0, 1.0], [-plate_stiffness_n_per_m / plate_mass_kg, 0.0]]),

@@ -120,7 +120,7 @@ def _vertex(time: Floats, values: Floats, at: int) -> tuple[float, float]:
 
 def _smooth_width(collision: Collision, contact_s: float, cutoff_hz: float) -> float:
     """Return the full width at half maximum of the force after a low-pass without delay."""
-    from scipy.signal import butter, sosfiltfilt  # with all of scipy.stats: not at every start
+    from scipy.signal import butter, sosfiltfilt  # slow import (all of scipy.stats): not at every start
 
     rate = 1e5
     time = np.arange(-2.0 * contact_s, 3.0 * contact_s, 1.0 / rate)

@@ -1,4 +1,4 @@
-"""A shot with its fit, and the readings that come from a fit."""
+"""Fits of shots, and the readings that come from a fit."""
 
 import lazy_loader
 

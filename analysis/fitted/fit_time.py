@@ -1,7 +1,7 @@
-"""Limit the time of a fit.
+"""Limit the computing time of a fit.
 
-Time spent compiling is not counted (a minute or two at a first start), nor that of other programs: what counts is the
-smaller of elapsed and processor time.
+Compilation time is not counted (a minute or two at a first start), nor is time taken by other programs: the limit
+applies to the smaller of elapsed time and processor time.
 """
 
 import contextvars
@@ -15,16 +15,16 @@ from analysis.shot import AnalysisError, Cancelled, Stop
 
 Result = TypeVar("Result")
 
-SECONDS = 20.0  # per shot; a usual fit takes one
-_LOOK_S = 0.02  # between looks at the time
+SECONDS = 20.0  # per shot; a usual fit takes 1 s
+_LOOK_S = 0.02  # interval between checks of the time
 _Times = tuple[float, float]  # elapsed and processor time in s
 
 
 class FitTime:
-    """The stop condition of a fit: cancelled by its caller, or out of time."""
+    """The stop condition of a fit: cancelled by the caller, or out of time."""
 
     def __init__(self, seconds: float, cancelled: Stop | None = None) -> None:
-        """Allow ``seconds`` from now on, at least one."""
+        """Allow ``seconds`` from now, at least 1 s."""
         self.seconds = max(seconds, 1.0)
         self._cancelled = cancelled
         self._worked = _compiling().uncompiled
@@ -32,7 +32,7 @@ class FitTime:
         self.over = False
 
     def __call__(self) -> bool:
-        """Return whether the time is over; raises Cancelled where the caller cancelled."""
+        """Return whether the time is over.  Raises Cancelled if the caller cancelled."""
         if self._cancelled is not None and self._cancelled():
             raise Cancelled
         spent = min(now - begun for now, begun in zip(self._worked(), self._begun, strict=True))
@@ -54,7 +54,7 @@ def _minus(one: _Times, other: _Times) -> _Times:
 
 @cache
 def _compiling() -> Any:
-    """Return the clock that does not count compiling in any thread; numba is loaded already where a fit runs."""
+    """Return a clock that excludes compilation in any thread; numba is already loaded when a fit runs."""
     from numba.core import event
 
     class Compiling(event.Listener):  # type: ignore[misc]
@@ -75,7 +75,7 @@ def _compiling() -> Any:
                 self._open = max(0, self._open - 1)
 
         def uncompiled(self) -> _Times:
-            """Return the time not spent compiling, from an arbitrary zero."""
+            """Return the time not spent on compilation, from an arbitrary zero."""
             with self._lock:
                 return _minus(self._since if self._open else _now(), self._sum)
 
@@ -87,10 +87,10 @@ def _compiling() -> Any:
 def run_in_time(
     work: Callable[[], Result], seconds: float, cancelled: Stop | None = None, words: str | None = None
 ) -> Result:
-    """Return the result of ``work``, or raise what it raises; AnalysisError with ``words`` after so many seconds.
+    """Return the result of ``work``, or raise its exception; AnalysisError with ``words`` after ``seconds``.
 
-    The work runs in a thread of its own, as a kernel cannot be interrupted.  A thread that does not end is left behind:
-    it holds no lock, ends with the process, and its result is dropped.  Raises Cancelled.
+    The work runs in a separate thread, because a kernel cannot be interrupted.  A thread that does not end is
+    abandoned: it holds no lock, ends with the process, and its result is dropped.  Raises Cancelled.
     """
     left = FitTime(seconds, cancelled)
     result: list[Result] = []
@@ -99,10 +99,10 @@ def run_in_time(
     def run() -> None:
         try:
             result.append(work())
-        except BaseException as error:  # raised in the caller's thread
+        except BaseException as error:  # raised again in the caller's thread
             raised.append(error)
 
-    context = contextvars.copy_context()  # numpy's handling of overflows is part of it
+    context = contextvars.copy_context()  # includes numpy's handling of overflows
     thread = threading.Thread(target=context.run, args=(run,), name="levimass fit", daemon=True)
     thread.start()
     while thread.is_alive():

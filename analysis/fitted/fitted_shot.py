@@ -1,6 +1,6 @@
-"""Fit a shot, and keep its readings, flags and settings consistent with the fit it has.
+"""Fit a shot, and keep its readings, flags and settings consistent with its fit.
 
-The model is imported where it is used: a shot's readings, and the window, do not wait for it.
+The model is imported where it is used, so that a shot's readings and the window do not wait for the import.
 """
 
 import re
@@ -28,26 +28,26 @@ from analysis.shot import (
 from levimass import is_drive
 
 _INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
-PATIENCE = 2.0  # times the time of a fit, after which it is abandoned: one step of it does not end
+PATIENCE = 2.0  # a fit is abandoned after this multiple of its time limit, because one of its steps does not end
 NOT_CONVERGED, FAILED, TO_FOLLOW = "fit_not_converged", "fit_failed", "fit_to_follow"
-READ_FROM_MODEL = "read_from_model"  # the pulse's readings are the fitted model's
+READ_FROM_MODEL = "read_from_model"  # the pulse's readings come from the fitted model
 PULSE = ("force_peak_n", "force_fwhm_s", "contact_time_s", "deflection_max_m")
 CONTACT = "cor_kinetic.contact"
 
 
 def awaits_fit(shot: Shot) -> bool:
-    """Return whether a shot is read and its fit is still to come."""
+    """Return whether a shot has its readings but not yet its fit."""
     return TO_FOLLOW in shot.flags
 
 
 def can_be_fitted(shot: Shot) -> bool:
-    """Return whether a fit is wanted and the shot has what its model is fitted to."""
-    driven = is_drive(shot.settings.model)  # a slider under a known force strikes nothing
+    """Return whether a fit is wanted and the shot has the data that its model needs."""
+    driven = is_drive(shot.settings.model)  # a slider under a measured force has no impact
     return shot.motion is not None and shot.settings.fit and (shot.impact is not None or driven)
 
 
 def with_fit_to_follow(shot: Shot) -> Shot:
-    """Return a shot that was read, flagged as awaiting its fit where there is something to fit."""
+    """Return a shot that was read, flagged as awaiting its fit if it can be fitted."""
     if not can_be_fitted(shot):
         return shot
     impact = shot.impact
@@ -58,14 +58,14 @@ def with_fit_to_follow(shot: Shot) -> Shot:
 
 
 def unfitted(shot: Shot, why: str) -> Shot:
-    """Return a shot whose fit failed, with the reason."""
+    """Return the shot marked as one whose fit failed, with the reason."""
     return replace(with_fit(shot, None), fit_problem=why)
 
 
 def with_fit(shot: Shot, fit: Fit | None) -> Shot:
-    """Return ``shot`` with this fit in place of the one it had; None: a fit was tried and failed.
+    """Return ``shot`` with its fit replaced by ``fit``; None: a fit was tried and failed.
 
-    Flags, the contact's COR and the effects in the settings become those of the new fit.
+    Flags, the contact's COR and the effects in the settings are replaced by those of the new fit.
     """
     from analysis.fitted.kinetic_contact import fitted_contact_cor
 
@@ -84,7 +84,7 @@ def with_fit(shot: Shot, fit: Fit | None) -> Shot:
 
 
 def read_with(shot: Shot, fit: Fit) -> Shot:
-    """Return ``shot`` with the readings that come from a model made again with ``fit``, the joint one of a diagnosis.
+    """Return ``shot`` with its model readings recomputed from ``fit``, the joint fit of a diagnosis.
 
     The shot's own fit is unchanged.  Raises Cancelled.
     """
@@ -95,23 +95,23 @@ def read_with(shot: Shot, fit: Fit) -> Shot:
 
     kinetic = replace(shot.impact.cor_kinetic, contact=fitted_contact_cor(fit, _mass_kg(shot)))
     impact = replace(shot.impact, cor_kinetic=kinetic)
-    if READ_FROM_MODEL in impact.flags:  # the pulse is read from a fit of its shot alone
+    if READ_FROM_MODEL in impact.flags:  # the pulse is read from a fit of this shot alone
         again = fit_again(shot, fit.effects)
         impact = with_model_readings(impact, again.fit, shot.motion) if again.fit is not None else impact
     return replace(shot, impact=impact, readings_fit=fit)
 
 
 def read_together(shots: Sequence[Shot], fit: Fit) -> list[Shot]:
-    """Return ``shots`` with the fitted ones read with ``fit``, the joint fit of these."""
+    """Return ``shots`` with the model readings of the fitted ones recomputed from ``fit``, their joint fit."""
     plates = iter(part.plate_number for part in fit.shots)
     fitted = (shot.motion is not None and shot.fit is not None for shot in shots)
     return [read_with(shot, fit.on_plate(next(plates))) if it else shot for shot, it in zip(shots, fitted, strict=True)]
 
 
 def fit_again(shot: Shot, effects: tuple[Effect, ...], cancelled: Callable[[], bool] | None = None) -> Shot:
-    """Return ``shot`` fitted with its own base model and ``effects``; unchanged where there is nothing to fit.
+    """Return ``shot`` fitted with its own base model and ``effects``; unchanged if it cannot be fitted.
 
-    Where the fit fails the shot is returned without one and flagged.  Raises Cancelled.
+    If the fit fails, the shot is returned without a fit and flagged.  Raises Cancelled.
     """
     if not can_be_fitted(shot):
         return shot
@@ -127,13 +127,13 @@ def fit_again(shot: Shot, effects: tuple[Effect, ...], cancelled: Callable[[], b
         return replace(fitted, problem=None) if driven else _with_pulse_from_fit(replace(fitted, fit_problem=None))
     except AnalysisError as error:
         failed = unfitted(shot, str(error))
-        if driven:  # it has no readings, only the fit
+        if driven:  # a driven slider has a fit but no readings
             return replace(failed, problem=shot.problem or str(error), fit_problem=shot.fit_problem)
         return failed
 
 
 def _with_pulse_from_fit(shot: Shot) -> Shot:
-    """Return the shot with its pulse read from the fit, where its record is too coarse for derivatives."""
+    """Return the shot with its pulse read from the fit, if its record is too coarse for derivatives."""
     if shot.impact is None or shot.fit is None or shot.motion is None:
         return shot
     from analysis.fitted.pulse_from_fit import with_model_readings
@@ -143,7 +143,7 @@ def _with_pulse_from_fit(shot: Shot) -> Shot:
 
 
 def shaking_of(shot: Shot) -> Shaking | None:
-    """Return the vibration of a shot's frame as its reading shows it; None where it is too little to matter."""
+    """Return the vibration of a shot's frame from its readings; None if it is negligible."""
     disturbance = shot.impact.disturbance if shot.impact else None
     return disturbance.shaking if disturbance else None
 
@@ -158,7 +158,7 @@ def fit_jointly(
 ) -> Fit:
     """Return one fit of all motions with this base model and effects.  Raises AnalysisError, Cancelled.
 
-    ``shakings`` are the vibrations of each motion's frame, where known; ``seconds`` is the limit of time per motion.
+    ``shakings`` are the vibrations of each motion's frame, if known; ``seconds`` is the time limit per motion.
     """
     left = FitTime(seconds * len(motions), cancelled)
 
@@ -179,12 +179,12 @@ def fit_jointly(
         raise
     except AnalysisError as error:
         raise AnalysisError(in_words(error)) from error
-    except (LinAlgError, ValueError, IndexError, ZeroDivisionError) as error:  # the motion is far from any collision
+    except (LinAlgError, ValueError, IndexError, ZeroDivisionError) as error:  # the motion resembles no collision
         raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from error
 
 
 def in_words(error: Exception) -> str:
-    """Return why a fit failed, without the parameters of the trial at which it failed."""
+    """Return the reason why a fit failed, without the parameters of the failed trial."""
     return _INNER.sub("", str(error))
 
 
@@ -198,7 +198,7 @@ def _mass_kg(shot: Shot) -> float:
 
 @dataclass(frozen=True, slots=True)
 class ReadingsModel:
-    """The model from which ``readings``, by their names in the result, come: a base and its effects."""
+    """The model (base and effects) that gives ``readings``, which are listed by their names in the result."""
 
     base: str
     effects: tuple[Effect, ...]
@@ -206,7 +206,7 @@ class ReadingsModel:
 
 
 def readings_model(shot: Shot) -> ReadingsModel | None:
-    """Return the model from which some of the shot's readings come; None where all come from the motion alone."""
+    """Return the model that gives some of the shot's readings; None if all come from the motion alone."""
     fit = shot.readings_fit or shot.fit
     if fit is None or shot.impact is None:
         return None

@@ -1,7 +1,7 @@
-"""The kinetic COR of the fitted contact: relative velocity out over in, of the first contact alone.
+"""The kinetic COR of the fitted contact: relative velocity out over relative velocity in, at the first contact.
 
-docs/physics.md: e = -(relative velocity out / in) at the first contact, the plate at rest before it.  Ratios of bounce
-times depend on the plate's motion between the contacts; this ratio does not.
+docs/physics.md: e = -(relative velocity out / in) at the first contact, with the plate at rest before.  Ratios of
+bounce times depend on the plate's motion between the contacts; this ratio does not.
 """
 
 import math
@@ -19,11 +19,11 @@ _COLUMN = {
     "contact_stiffness_n_per_m": 2,
     "contact_damping_n_s_per_m": 3,
 }
-_PERIODS = 3.0  # of the contact's own oscillation within which the first release must have come
+_PERIODS = 3.0  # periods of the contact's own oscillation within which the first release is expected
 
 
 def contact_cor(collision: Collision) -> float:
-    """Return e = -(v_b - v_p)_out / (v_b - v_p)_in of the first contact; NaN where it never releases."""
+    """Return e = -(v_b - v_p)_out / (v_b - v_p)_in of the first contact; NaN if it never releases."""
     out = _first_release(collision, derivatives=False)
     return math.nan if out is None else _ratio(collision, out)
 
@@ -31,8 +31,8 @@ def contact_cor(collision: Collision) -> float:
 def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
     """Return e of the fitted contact with its standard uncertainty from the fit's covariance.
 
-    The model is linear within a contact and its plate at rest before it, so e depends neither on the velocity nor on
-    the mass, which scales every parameter alike.
+    The model is linear within a contact, and its plate is at rest before.  Therefore e does not depend on the velocity,
+    nor on the mass, which scales every parameter alike.
     """
     if not fit.converged:
         return NotSeen("the fit did not converge")
@@ -48,7 +48,7 @@ def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
         return NotSeen(f"the fitted model has no contact: {why}")
     try:
         release = _first_release(collision, derivatives=True)
-    except ArithmeticError:  # a contact so much slower, or so much faster, than the plate that no solution follows both
+    except ArithmeticError:  # time scales of contact and plate too different for one solution
         return NotSeen("the fitted contact cannot be followed to its end")
     if release is None:
         return NotSeen("the fitted contact never lets go")
@@ -75,11 +75,11 @@ def _collision(model: str, values: Mapping[str, float], block_mass_kg: float) ->
 
 
 def _first_release(collision: Collision, *, derivatives: bool) -> Event | None:
-    """Return the end of the first contact: where the overlap is gone, or, without tension, where the force is."""
+    """Return the end of the first contact: the overlap is zero or, in the no-tension variant, the force is."""
     reduced = 1.0 / (1.0 / collision.block_mass_kg + 1.0 / collision.plate_mass_kg)
     period = 2.0 * math.pi * math.sqrt(reduced / collision.contact_stiffness_n_per_m)
     relaxation = collision.contact_damping_n_s_per_m / collision.contact_stiffness_n_per_m
-    # a bounce on the contact's spring ends long before the swing on the plate's spring, if there is one
+    # a bounce on the contact's spring, if it occurs, ends long before the swing on the plate's spring
     bounce = _PERIODS * (period + 5.0 * relaxation)
     for reach in (bounce, 1.1 * collision.contact_time_estimate_s):
         run = solve(collision, (), np.array([0.0, reach]), directions=range(7) if derivatives else ())

@@ -1,7 +1,7 @@
-"""Read the force pulse from the fitted model, where the record is too coarse for derivatives.
+"""Read the force pulse from the fitted model if the record is too coarse for derivatives.
 
-A camera or an encoder gives positions; the force is their second derivative, and where its noise is as large as the
-force, a peak read from it is noise.  The fit uses all positions at once: its peak, width, contact time and deflection
+A camera or an encoder measures positions.  The force is their second derivative, and if its noise is as large as the
+force, a peak read from it is noise.  The fit uses all positions together: its peak, width, contact time and deflection
 are as certain as its parameters.
 """
 
@@ -16,8 +16,8 @@ from analysis.inference import JointData, Point, Problem, averaged_shots, base_n
 from analysis.shot import AnalysisError, Fit, Floats, Impact, Motion, NotSeen, Quantity, Reading
 from levimass import is_drive
 
-DROWNED = 0.1  # noise of the force over the model's peak, beyond which a direct reading is mostly noise
-INCONSISTENT = "pulse_disagrees"  # the direct reading's peak and width do not make the impulse
+DROWNED = 0.1  # ratio of force noise to the model's peak force, above which a direct reading is mostly noise
+INCONSISTENT = "pulse_disagrees"  # peak and width of the direct reading do not match the impulse
 IMPULSE_SHARES = (0.5, 1.3)  # peak x width over m (v_out - v_in): 0.94 of a half sine, 1 of a rectangle
 HOW = "the fitted model: derivatives of this record carry too little"
 _GRID = 1500
@@ -26,17 +26,17 @@ _READ = ("force_peak_n", "force_fwhm_s", "contact_time_s", "impulse_ns", "deflec
 
 @dataclass(frozen=True, slots=True)
 class _Pulse:
-    """The model's first contact: shape (5,), in the order of ``_READ``."""
+    """Values, shape (5,), and covariance of the model's first contact, in the order of ``_READ``."""
 
     values: Floats
     covariance: Floats
 
 
 def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
-    """Return the impact with its pulse read from the fitted model, where the force is drowned in noise.
+    """Return the impact with its pulse read from the fitted model, if the force is drowned in noise.
 
-    Elsewhere, and where the fit is not usable, its readings are unchanged, and flagged where peak times width does not
-    agree with the impulse from velocities and mass.
+    Otherwise, or if the fit is unusable, the readings are unchanged, and flagged if peak times width disagrees with the
+    impulse from velocities and mass.
     """
     if motion.wavelength_m is not None or not fit.converged or len(fit.shots) != 1 or is_drive(fit.model):
         return impact
@@ -64,7 +64,7 @@ def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
 
 
 def _with_impulse_check(impact: Impact, mass_kg: float) -> Impact:
-    """Return the impact, flagged where peak times width does not agree with the block's change of momentum."""
+    """Return the impact, flagged if peak times width disagrees with the block's change of momentum."""
     needed: tuple[Reading, ...] = (
         impact.force_peak_n, impact.force_fwhm_s, impact.velocity_in_m_per_s, impact.velocity_out_m_per_s,
     )  # fmt: skip
@@ -82,7 +82,7 @@ def _with_impulse_check(impact: Impact, mass_kg: float) -> Impact:
 
 
 def _pulse(fit: Fit, motion: Motion) -> _Pulse:
-    """Return the model's first contact with its covariance, by numerical derivatives of a solved shot."""
+    """Return the model's first contact, with its covariance from numerical derivatives of a solved shot."""
     shot = fit.shots[0]
     data = JointData(averaged_shots([motion]), base_named(fit.model))
     own = np.array([q.value for q in (shot.velocity_in_m_per_s, shot.touch_time_s, shot.offset_m)])
@@ -131,14 +131,14 @@ def _derivatives(function: Callable[[Floats], Floats], at: Floats, fit: Fit, spe
 
 
 def _first_contact_span(touch_s: float, fit: Fit, motion: Motion) -> tuple[float, float]:
-    """Return the span of the first contact in s, with room on both sides."""
+    """Return the time span of the first contact in s, with a margin on both sides."""
     released = [time for kind, time in fit.shots[0].overlay.events_s if kind == "release" and time > touch_s]
     end = released[0] if released else float(motion.time_s[-1])
     return touch_s - 0.25 * (end - touch_s), end + 0.5 * (end - touch_s)
 
 
 def _read(time_s: Floats, velocity: Floats, displacement: Floats, changes: tuple[float, ...], mass_kg: float) -> Floats:
-    """Return peak force, width at half of it, contact time, impulse and depth of a modelled contact, shape (5,)."""
+    """Return peak force, full width at half maximum, contact time, impulse and depth of a contact, shape (5,)."""
     force = mass_kg * np.gradient(velocity, time_s)
     top = int(np.argmax(force))
     above = force > 0.5 * force[top]

@@ -1,4 +1,4 @@
-"""Compare each number of the paper, as printed, with this program's, and state the cause of each difference."""
+"""Compare each printed number of the paper with this program's, and state the cause of each difference."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 
 
 class Status(StrEnum):
-    AGREES = "agrees"  # as printed, within its digits
-    TRACED = "traced"  # it differs as printed, and agrees when the cause is taken into account
-    OPEN = "open"  # a difference remains that the published numbers do not explain
+    AGREES = "agrees"  # agrees as printed, within its digits
+    TRACED = "traced"  # differs as printed, but agrees when the cause is taken into account
+    OPEN = "open"  # the published numbers do not explain the remaining difference
     ADDED = "added"  # not in the paper; needed to understand it
-    INPUT = "input"  # the simulation was made with it
+    INPUT = "input"  # an input of the simulation
 
 
 @dataclass(frozen=True, slots=True)
 class PaperRow:
-    """One number of the paper and this program's; differences are relative.
+    """One number of the paper, with this program's values; differences are relative.
 
-    ``printed`` is computed from the paper's own numbers as they are; ``simulated`` by solving its model, ``recomputed``
-    from geometry or a closed form; ``recorded`` is the reading of a shot where one was given.
+    ``printed`` is computed from the paper's numbers as printed, ``simulated`` by solving its model, and ``recomputed``
+    from geometry or a closed form; ``recorded`` is the reading of a shot, if one was given.
     """
 
     key: str
@@ -63,7 +63,7 @@ class Reproduction:
         return tuple(row for row in self.rows if row.status is Status.OPEN)
 
 
-_RECORDED = {  # row: a shot's number of the same meaning
+_RECORDED = {  # row key: the shot's number of the same meaning
     "velocity_out": "velocity_out_m_per_s",
     "cor_quasi_static": "cor_quasi_static",
     "cor_force_peaks": "cor_kinetic.force_peaks",
@@ -111,8 +111,8 @@ def load() -> Mapping[str, Any]:
 
 
 def paper_rig(numbers: Mapping[str, Any]) -> PaperRig:
-    """Return the paper's rig and simulation as this program's own types."""
-    from analysis.paper.paper_audit import PaperRig  # with the model: the window shows the numbers without it
+    """Return the paper's rig and simulation as types of this program."""
+    from analysis.paper.paper_audit import PaperRig  # imports the model, which the window does not need for the numbers
 
     rig, simulation = numbers["rig"], numbers["simulation"]
     return PaperRig(
@@ -128,7 +128,7 @@ def paper_rig(numbers: Mapping[str, Any]) -> PaperRig:
 
 
 def reproduce(shot: Shot | None = None) -> Reproduction:
-    """Compute every number of the paper, with a shot's readings where one is given.  About a second once compiled."""
+    """Compute every number of the paper, with a shot's readings if one is given.  Takes about 1 s once compiled."""
     from analysis.paper.paper_audit import audit_values
 
     numbers = load()

@@ -1,4 +1,4 @@
-"""Compute the paper's numbers as printed, and with the causes of their differences taken into account."""
+"""Compute the paper's numbers as printed, and again with the causes of the differences taken into account."""
 
 import math
 from collections.abc import Mapping
@@ -9,12 +9,12 @@ from analysis.paper.paper_simulation import Simulated, half_sine_time_s, simulat
 from analysis.shot import STANDARD_AIR, Disc, Plate, refractive_index
 from analysis.shot import plate as plates
 
-_VACUUM_M = 632.991354e-9  # of the HP 5518A (docs/physics.md, "from beats to force")
+_VACUUM_M = 632.991354e-9  # wavelength of the HP 5518A (docs/physics.md, "from beats to force")
 
 
 @dataclass(frozen=True, slots=True)
 class PaperRig:
-    """The paper's numbers as this program's types, thickness as printed."""
+    """The paper's numbers as this program's types, with the thickness as printed."""
 
     plate_printed: Plate
     plate_mass_kg: float
@@ -28,7 +28,7 @@ class PaperRig:
 
 @dataclass(frozen=True, slots=True)
 class AuditValues:
-    """This program's values for one row; errors None: computed from them and the paper's number."""
+    """This program's values for one row; errors that are None follow from the values and the paper's number."""
 
     printed: float | None = None
     simulated: float | None = None
@@ -140,7 +140,7 @@ def _widths(rig: PaperRig, run: Simulated) -> dict[str, AuditValues]:
 def _plate(rig: PaperRig) -> dict[str, AuditValues]:
     printed, stated, k_p = rig.plate_printed, rig.plate_mass_kg, rig.claims["stiffness"]
     thickness = thickness_from_mass_m(printed, stated)
-    plate = replace(printed, thickness_m=round(thickness, 4))  # the digits that the paper prints: 0.1 mm
+    plate = replace(printed, thickness_m=round(thickness, 4))  # rounded as the paper prints it, to 0.1 mm
     millimetres = {"thickness_mm": plate.thickness_m * 1e3}
     c_paper, c = rig.claims["coefficient_c"], plates.coefficient_c(plate)
     needed_printed, needed = k_p / _beam(printed), k_p / _beam(plate)

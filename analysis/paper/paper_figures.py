@@ -9,7 +9,7 @@ from analysis.shot import Floats, Quantity, Shot
 
 _STEP_S = 2e-6
 MARGIN_S = 3e-3
-FIRST_CONTACT_MS = (-0.2, 4.5)  # of Fig. 5: touch, bounces, the force settled
+FIRST_CONTACT_MS = (-0.2, 4.5)  # time span of Fig. 5: touch, bounces, until the force has settled
 LABELS = {
     "time_ms": "time after touch (ms)",
     "velocity_m_per_s": "velocity (m/s)",
@@ -29,7 +29,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A pair of plots side by side with the same axes; None where nothing was measured, and why."""
+    """A pair of plots with the same axes; ``measured`` is None if nothing was measured, and ``missing`` says why."""
 
     x_label: str
     y_label: str
@@ -46,9 +46,9 @@ class Figure:
 
 
 def plate_from_force(time_s: Floats, force_n: Floats, plate_stiffness_n_per_m: float, plate_mass_kg: float) -> Floats:
-    """Return the displacement in m, (n,), of a plate, at rest first, from the force between block and plate.
+    """Return the displacement in m, (n,), of a plate initially at rest, from the force between block and plate.
 
-    m_p* x_p'' = -k_p x_p - F (Eq. 4), the force linear between samples; the optics do not see the plate.
+    m_p* x_p'' = -k_p x_p - F (Eq. 4), with the force linear between samples.  The optics do not see the plate.
     """
     from scipy.signal import lsim  # slow import (all of scipy.stats): not at every start
 
@@ -63,9 +63,9 @@ def plate_from_force(time_s: Floats, force_n: Floats, plate_stiffness_n_per_m: f
 
 
 def figures(collision: Collision, shot: Shot | None = None) -> tuple[Figure, ...]:
-    """Return figures 4 to 7: ``collision`` simulated, and ``shot`` where it shows an impact.
+    """Return figures 4 to 7: ``collision`` simulated, and ``shot`` if it shows an impact.
 
-    The simulation has the shot's own velocity, so that both columns show the same collision.
+    The simulation uses the shot's velocity, so that both columns show the same collision.
     """
     seen = None if shot is None else _measured(shot, collision)
     why = "" if seen is not None else "no recording" if shot is None else shot.problem or "no impact in this shot"
@@ -132,7 +132,7 @@ def _measured(shot: Shot, collision: Collision) -> _Course | None:
         m_p = shot.fit.parameters["plate_mass_kg"].value
     force = motion.force_n[inside]
     plate = plate_from_force(time, force, k_p, m_p)
-    # the touch lies between two samples: its displacement is extrapolated from the flight
+    # the touch lies between two samples; its displacement is extrapolated from the flight
     flying = time < -0.2 * MARGIN_S
     displacement = motion.displacement_m[inside]
     displacement = displacement - float(np.mean(displacement[flying] - into.value * time[flying]))

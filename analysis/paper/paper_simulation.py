@@ -1,4 +1,4 @@
-"""Simulate a collision and read its numbers from the solution."""
+"""Simulate a collision, and read its characteristic numbers from the solution."""
 
 import math
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ from analysis.fitted import contact_cor
 from analysis.shot import Floats
 
 SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md, "the model": low-pass of the smooth pulse
-SLOPE_S = (6e-3, 28e-3)  # and the span of the slope, for the paper's contact of 28.7 ms
+SLOPE_S = (6e-3, 28e-3)  # time span of the slope, for the paper's contact of 28.7 ms
 _GRID_S = 1e-6
 _PEAKS = 3
 
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """A solved collision in numbers; times in s from the first touch."""
+    """The numbers of a solved collision; times in s from the first touch."""
 
     trajectory: Trajectory
     onsets_s: tuple[float, ...]
@@ -46,9 +46,9 @@ class Simulated:
 
 
 def simulate(collision: Collision) -> Simulated:
-    """Solve a collision exactly and read it; ValueError where the block does not leave within two contact times.
+    """Solve a collision exactly and read it.  Raises ValueError if the block does not leave within two contact times.
 
-    Kinetic ratios are NaN where there are fewer than three contacts.
+    Kinetic ratios are NaN if there are fewer than three contacts.
     """
     span = collision.contact_time_estimate_s
     time = np.arange(0.0, 2.0 * span, _GRID_S)
@@ -89,7 +89,7 @@ def simulate(collision: Collision) -> Simulated:
 
 
 def half_sine_time_s(stiffness_n_per_m: float, mass_kg: float) -> float:
-    """Return pi sqrt(m / k): how long a mass stays on a spring it runs into."""
+    """Return pi sqrt(m / k), the contact time of a mass that runs into a spring."""
     return math.pi * math.sqrt(mass_kg / stiffness_n_per_m)
 
 
@@ -119,7 +119,7 @@ def _vertex(time: Floats, values: Floats, at: int) -> tuple[float, float]:
 
 
 def _smooth_width(collision: Collision, contact_s: float, cutoff_hz: float) -> float:
-    """Return the full width at half maximum of the force after a low-pass without delay."""
+    """Return the full width at half maximum of the force after a zero-phase low-pass."""
     from scipy.signal import butter, sosfiltfilt  # slow import (all of scipy.stats): not at every start
 
     rate = 1e5

@@ -96,7 +96,7 @@ class _Work(NamedTuple):
 
 
 def along(path: LinearPath, effect: Effect, collision: Collision, parameters: Floats, samples: int) -> Floats | None:
-    """Return the block's position change, (samples, k), for ``parameters``, (k, 3); None if the effect is unfit."""
+    """Return the block's position change, (samples, k), for ``parameters``, (k, 3); None if not applicable."""
     if effect.kernel is None or effect.range_at >= 0:
         return None
     function, acts = function_of(effect, collision)

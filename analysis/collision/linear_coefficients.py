@@ -49,7 +49,7 @@ def coefficients(where, inputs, parameters, linear, room):  # type: ignore[no-un
 
 @kernel
 def state_coefficients(where, inputs, parameters, by_state, room):  # type: ignore[no-untyped-def]
-    """Write the outputs at rest and their derivatives in the state, shape (6, 8, k); return False if they vary.
+    """Write the outputs at rest and their state derivatives, shape (6, 8, k); return False if they vary.
 
     The hidden state is zero.  Eight calls per start, plus one per start and point.  ``room`` holds ``ROOM`` zeros.
     """

@@ -287,7 +287,7 @@ def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def
     An incomplete last block is left out.  ``swings`` are those of ``Propagator``, then the spacing in s of most times
     (0.0: from the times); ``room`` holds ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY,
     TOO_LONG, or NOT_LINEAR if an effect is not linear.  60 ms at 100 kS/s take 0.1 ms for the two bodies alone, 0.3 to
-    0.5 ms with effects, 1 to 2.5 ms with derivatives; in blocks of five, the last two 0.2 ms and 0.4 to 0.8 ms.
+    0.5 ms with effects, 1 to 2.5 ms with derivatives; in blocks of five the latter two take 0.2 ms and 0.4 to 0.8 ms.
     """
     system, record = by_address(system), by_address(record)
     for row in range(record.states.shape[0] if record.block > 1 else 0):  # the sums start at zero

@@ -1,7 +1,7 @@
 """The matrices of a linear mode and their derivatives (kernels).
 
 The state is augmented by a constant 1 for the constant forces: s' = A s.  The columns of ``z``, shape (n + 1, rows),
-are the state and its derivatives by the parameters, S' = A S + (dA/dtheta) s.
+are the state and its derivatives with respect to the parameters, S' = A S + (dA/dtheta) s.
 """
 
 from typing import NamedTuple
@@ -54,7 +54,7 @@ class StoredForms(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Work arrays: three of columns, two of one column, three square ones, and derivatives."""
+    """Work arrays: three with all columns, two with one column, three square ones, and two of derivatives."""
 
     columns: Floats
     single: Floats

@@ -32,7 +32,7 @@ class Variant(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """A block that hits a spring plate (docs/physics.md, "the model"); time zero is the first touch, right is positive.
+    """A block that hits a spring plate (docs/physics.md, "the model"); time zero is the first touch, x points right.
 
     An infinite ``plate_mass_kg`` locks the plate: the one-body contact of a motion record.
     ``plate_displacement_m`` and ``plate_velocity_m_per_s`` are those of the plate at first touch.

@@ -70,7 +70,7 @@ def _takes_part(slot, slots, flags):  # type: ignore[no-untyped-def]
 
 @inlined
 def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
-    """Write d/dt of the state alone and their contact; return the block's inertia in kg."""
+    """Write d/dt of the state alone, and its contact; return the block's inertia in kg."""
     z, out, contact = state.z, state.f, state.contact
     p, slots, s, functions = system.p, system.slots, system.effect_input, system.functions[0]
     x, v, y, u = z[0, 0], z[0, 1], z[0, 2], z[0, 3]
@@ -90,7 +90,7 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
         s[SIGN_V] = flags[SIGN]
         s[TOUCHING] = touching
         s[PLATE_STIFFNESS], s[CONTACT_STIFFNESS], s[BLOCK_MASS] = p[0], p[2], p[7]
-    for side in range(2):  # effects between the bodies first, as the contact force is an input of the others
+    for side in range(2):  # effects between the bodies first: the contact force is an input of the others
         force = 0.0 if parted else law
         block, plate, mass = force, -force - p[0] * y, p[7]
         for slot in range(slots.shape[0]):

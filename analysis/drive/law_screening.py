@@ -19,7 +19,7 @@ from analysis.shot import Floats
 MOST_WAVES = 400.0  # waves along the travel of the finest ripple that is searched
 WAVE_STEP = 0.4
 RIPPLES = 3
-APART_FROM_FORCE = 0.1  # least share, orthogonal to the force, of a law computed from the force; below it, circular
+APART_FROM_FORCE = 0.1  # least share orthogonal to the force, of a law computed from it; otherwise circular
 
 
 @dataclass(frozen=True, slots=True)

@@ -52,7 +52,7 @@ class Trial:
     found: Regression
     delta_bic: float
     validation_n: float  # on the later half
-    cross_validated_n: float  # for parts of the cycle that were left out
+    cross_validated_n: float  # for held-out parts of the cycle
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from analysis.drive.stretch import Mask, Table
 from analysis.shot import AnalysisError, Floats, Quantity
 
 NonlinearValues = Mapping[str, tuple[float, ...]]  # by the name of each law that has nonlinear parameters
-ZERO_LENGTH = 1e-150  # least length of a column, whose square is not 0; a law that never acts is shorter
+ZERO_LENGTH = 1e-150  # least norm of a column, whose square is not yet 0; a law that never acts has less
 DEPENDENT = 1e-7  # least squared share of a column orthogonal to the others; with less it depends on them
 _STEP = 1e-3  # relative step for derivatives with respect to nonlinear parameters
 

@@ -37,7 +37,7 @@ def bearing_gradient(s: Any, p: Any, out: Any) -> None:
 def block_mode(s: Any, p: Any, out: Any) -> None:
     """Put a part m_h of the block's mass on a spring and dashpot; p = (m_h in kg, f in Hz, zeta).
 
-    With z = Q its position from the block's rest, w = W its velocity and omega = 2 pi f:
+    With z = Q the part's position from the block's rest, w = W its velocity and omega = 2 pi f:
     m_h w' = -R, R = m_h (omega^2 (z - x) + 2 zeta omega (w - v)), (m_b - m_h) v' = ... + R.
     A loose corner cube; Den Hartog, "Mechanical Vibrations", ch. 3.
     """

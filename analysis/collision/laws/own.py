@@ -32,7 +32,7 @@ _DRAW = np.random.default_rng(1).uniform(-1.0, 1.0, (6, _DRAWN))
 
 
 class LawError(ValueError):
-    """Why a law cannot be used, in one line."""
+    """The reason why a law cannot be used, in one line."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)

@@ -1,9 +1,9 @@
 """First-order change of a solved trajectory by frame motion, for sines of many frequencies at once.
 
-In the frame's coordinates minus its acceleration acts on every mass.  The change of block and plate is propagated
-along a ``LinearPath``, with all its effects and with the jumps at its events (saltation; Leine & Nijmeijer, "Dynamics
-and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).  The drive is integrated by Simpson's rule.  Position and
-velocity of the frame at the first touch are left out: they only shift the shot and change its speed.
+In the frame's coordinates every mass has minus the frame's acceleration in addition.  The change of block and plate is
+propagated along a ``LinearPath``, with all its effects and with the jumps at its events (saltation; Leine & Nijmeijer,
+"Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).  The drive is integrated by Simpson's rule.
+Position and velocity of the frame at the first touch are left out: they only shift the shot and change its speed.
 """
 
 import math

@@ -23,9 +23,9 @@ class System(NamedTuple):
     """A collision and its effects; ``p`` holds ``parameters.KERNEL_ORDER``, then the parameters of each effect slot.
 
     ``slots``, shape (effects, 8), describe how each acts; ``functions``, shape (2, effects), are the addresses of the
-    effects compiled for real and for complex numbers; ``which`` are the indices in ``p`` of the parameters whose
-    derivatives are computed.  ``p_complex`` is ``p`` in complex numbers; ``effect_input`` and ``effect_input_complex``
-    hold the inputs of an effect, followed by its outputs.
+    effects compiled for real and for complex numbers.  Derivatives are taken with respect to the parameters
+    ``p[which]``.  ``p_complex`` is ``p`` in complex numbers; ``effect_input`` and ``effect_input_complex`` hold the
+    inputs of an effect, followed by its outputs.
     """
 
     p: Floats
@@ -42,7 +42,7 @@ class System(NamedTuple):
 class State(NamedTuple):
     """A state with its rates: ``z`` and ``f``, shape (rows, size), and its ``contact``, shape (rows, 3).
 
-    Row 0 of ``z`` is (x_b, v_b, x_p, v_p, q_0, w_0, q_1, w_1, ...), row j its derivative by ``which[j - 1]``;
+    Row 0 of ``z`` is (x_b, v_b, x_p, v_p, q_0, w_0, q_1, w_1, ...), row j d(row 0)/d(p[which[j - 1]]);
     ``contact`` is (xi, xi', force of the contact law) and their derivatives.
     """
 

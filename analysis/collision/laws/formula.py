@@ -30,7 +30,7 @@ _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 
 
 class FormulaError(ValueError):
-    """Why a formula cannot be read: one line that names the column, counted from 1 (``column`` 0: the whole formula)."""
+    """Why a formula cannot be read, in one line with the column; ``column`` counts from 1 (0: the whole formula)."""
 
     def __init__(self, what: str, column: int = 0) -> None:
         super().__init__(f"column {column}: {what}" if column else what)

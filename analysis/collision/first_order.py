@@ -179,7 +179,7 @@ def _workspace(room, n, count):  # type: ignore[no-untyped-def]
 
 @part
 def _mark_active(effect, drives, work):  # type: ignore[no-untyped-def]
-    """Mark the nonzero inputs and outputs, and return the number of ``live`` rows."""
+    """Mark the nonzero inputs and outputs, and list the ``live`` rows."""
     linear, by_state, active, driven, used = effect.linear, effect.by_state, work.active, work.driven, work.used
     count, n = linear.shape[2], work.state.shape[0]
     for i in range(OUTPUTS):
@@ -205,7 +205,6 @@ def _mark_active(effect, drives, work):  # type: ignore[no-untyped-def]
         if active[k % INPUTS]:
             work.live[rows] = n + k
             rows += 1
-    return rows
 
 
 @part
@@ -280,17 +279,20 @@ def jump_at_event(path, r, state, moved):  # type: ignore[no-untyped-def]
 
 
 @part
-def _step_state(path, r, live_rows, work):  # type: ignore[no-untyped-def]
+def _step_state(path, r, work):  # type: ignore[no-untyped-def]
     """Propagate state and hidden state to the end of a step."""
-    state, scaled, live, h = work.state, work.scaled, work.live, work.h
+    state, scaled, h = work.state, work.scaled, work.h
     n, count = state.shape
     for i in range(n):
         for k in range(n):
             scaled[k] = path.propagator[r, i, k]
-        for k in range(n, live_rows):
-            row = live[k] - n
-            scaled[k] = path.weights[r, row // INPUTS, i, row % INPUTS]
-        add_up(work.rows, scaled, live, live_rows, work.new[i])
+        row = n
+        for point in range(3):
+            for k in range(INPUTS):
+                if work.active[k]:
+                    scaled[row] = path.weights[r, point, i, k]
+                    row += 1
+        add_up(work.rows, scaled, work.live, row, work.new[i])
     for i in range(n):
         for c in range(count):
             state[i, c] = work.new[i, c]
@@ -312,7 +314,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
     if size > room.size:
         return False
     work = by_address(arrays)
-    live_rows = _mark_active(effect, drives, work)
+    _mark_active(effect, drives, work)
     last, begun = math.nan, False
     for r in range(path.length_s.size):
         if not early[r] and not begun:
@@ -342,7 +344,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
             for c in range(count):
                 work.moved[c] = path.watch[r, n] * effect.shift * work.h[0, 0, c]
             jump_at_event(path, r, work.state, work.moved)
-        _step_state(path, r, live_rows, work)
+        _step_state(path, r, work)
         if path.sample[r] >= 0:
             for c in range(count):
                 out[path.sample[r], c] = work.state[0, c]

@@ -23,6 +23,7 @@ _ALIKE = 0.6  # a look-alike is fitted if less than this share of the effect's s
 _ONE_LINE = 0.03  # relative difference of frequency below which two lines count as one
 _STRONGER = 10.0
 _RINGS = 2  # hidden states of an effect that oscillates freely
+_ANEW = 60  # evaluations of a search under another noise
 _HOPELESS = 150.0  # BIC behind the best after a short search: further search is useless
 
 
@@ -48,12 +49,14 @@ def with_look_alikes_tried(
         near = _nearest(effect, separation_of_it, trail.catalogue)
         known = {kind.effect: _known(trail, fewer, kind, frequency_hz) for kind in near}
         new = [kind for kind in near if known[kind.effect] is None]
-        fitted = [one for one in known.values() if one is not None]
+        fitted = {of: one for of, one in known.items() if one is not None}
         if new:
             beside = trail.linearised(fewer)
             instead = partial(fitted_instead, best, beside, separation_of_it, frequency_hz, trail.stop)
-            fitted += [one for kind in new if (one := instead(kind)) is not None]
-        for one in fitted:
+            fitted |= {kind.effect: one for kind in new if (one := instead(kind)) is not None}
+        for other, one in fitted.items():
+            if effect.has_simpler_look_alike(other):
+                one = _without_wander(best, one, trail.stop)
             trail.keep(one)
             if better(one, likeliest):
                 likeliest = one
@@ -114,6 +117,18 @@ def _known(trail: Trail, fewer: Fitted, kind: TrialEffect, frequency_hz: float |
     if frequency_hz is None or "frequency_hz" not in values:
         return known if known.converged else None
     return known if _close(values, frequency_hz) else None
+
+
+def _without_wander(best: Fitted, one: Fitted, stop: Stop) -> Fitted:
+    """Return a fit whose noise wanders in the contact alone, searched again under the noise of a best that does not.
+
+    Such a noise absorbs what keeps a search from its minimum: of an effect of 80,000 norms the true, simpler one ended
+    0.4 % off, with a noise that wandered by 1 nm, and was not even named as a look-alike.
+    """
+    if not one.wanders_in_contact_alone or best.noise.wander:
+        return one
+    again = one.problem.with_noise(best.noise).fit(one.z, evaluations=_ANEW, cancelled=stop)
+    return again if again.bic < one.bic else one
 
 
 def fitted_instead(

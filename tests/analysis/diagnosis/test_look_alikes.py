@@ -248,6 +248,36 @@ def test_a_look_alike_takes_the_place_where_it_is_likelier_and_predicts(
         assert at == "at" and list(far) == [FRICTION, TILT] and far[TILT] == ("at", TILT, "catalogue", "stop")
 
 
+@pytest.mark.parametrize(
+    ("alone", "wander", "bic", "taken"),
+    [(True, (), 119.9, True), (True, (), 120.1, False), (True, "some", 119.9, False), (False, (), 119.9, False)],
+)
+def test_a_fit_whose_noise_wanders_in_the_contact_alone_is_searched_again_under_the_noise_of_the_best(
+    alone: bool, wander: Any, bic: float, taken: bool
+) -> None:
+    again = SimpleNamespace(bic=bic)
+    best: Any = SimpleNamespace(noise=SimpleNamespace(wander=wander))
+
+    def with_noise(noise: Any) -> Any:
+        assert noise is best.noise
+        return SimpleNamespace(fit=lambda z, *, evaluations, cancelled: again)
+
+    one: Any = SimpleNamespace(
+        wanders_in_contact_alone=alone, bic=120.0, z="z", problem=SimpleNamespace(with_noise=with_noise)
+    )
+    assert module._without_wander(best, one, lambda: False) is (again if taken else one)
+
+
+def test_only_a_simpler_look_alike_is_searched_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    arm, damping, lag = effects_named(("viscoelastic_arm", "plate_damping", "demodulation_lag"))
+    tried = Tried(monkeypatch, {arm: [damping, lag]}, {damping: 99.5, lag: 99.6}, {})
+    tried.best = fit_of(100.0, arm)
+    tried.best.point = SimpleNamespace(values=[{arm: {"stiffness_n_per_m": 1.0}}])
+    monkeypatch.setattr(module, "_without_wander", lambda best, one, stop: Tried.fit(one.bic - 50.0, *one.effects))
+    best, _, _ = tried.tried()
+    assert best.effects == (damping,) and [one.bic for one in tried.kept] == [49.5, 99.6, 48.5]
+
+
 def test_in_the_place_of_an_effect_another_begins_where_it_imitates_it_best(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
     ends: dict[Any, Any] = {}

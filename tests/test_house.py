@@ -221,7 +221,7 @@ def test_nobody_imports_past_what_a_package_exports() -> None:
     ],
 )
 def test_an_import_past_a_package_is_seen(text: str, past: bool) -> None:
-    assert bool(_past("analysis.diagnosis.limit", text)) is past
+    assert bool(_past("analysis.diagnosis.time_limit", text)) is past
 
 
 def test_what_is_exported_is_used_outside() -> None:

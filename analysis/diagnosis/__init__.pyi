@@ -6,8 +6,8 @@ from .search.competing_models import fitted_instead
 from .search.forward_selection import Trail, without
 from .verdict.coincidence import unforetold
 from .verdict.criteria import CRITERIA
-from .verdict.foretold import Foretold, foretell
 from .verdict.identifiability import separation
+from .verdict.prediction_errors import Foretold, foretell
 from .wording import in_words, prediction_words, remark_on
 from .words import ONE_WITH_TWO_READINGS
 

@@ -12,12 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from analysis.diagnosis.diagnosis_input import Question
 from analysis.diagnosis.explanation import Explanation, explain_with_effects, explain_with_laws
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.search.full_rate import at_full_rate
-from analysis.diagnosis.search.other_scales import at_likeliest_scale
+from analysis.diagnosis.search.scale_maxima import at_likeliest_scale
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.acceptance import Settled, settle
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach

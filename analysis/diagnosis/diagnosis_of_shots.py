@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from analysis.collision import Effect, effects_named
 from analysis.diagnosis.best_first import BestFirst
+from analysis.diagnosis.diagnosis_input import Question
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.explanation import Explanation
-from analysis.diagnosis.limit import SECONDS, Limit
-from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import Diagnosis, Errors, Verdict
+from analysis.diagnosis.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict.alternatives import blind_spots, candidates
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.residual import errors

@@ -4,18 +4,18 @@ import math
 from dataclasses import dataclass, replace
 
 from analysis.collision import Effect
-from analysis.diagnosis.learning.beyond_catalogue import beside, beyond_catalogue
+from analysis.diagnosis.diagnosis_input import Question
+from analysis.diagnosis.learning.laws_outside_catalogue import beside, beyond_catalogue
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.question import Question
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.search.competing_models import separations_of
 from analysis.diagnosis.search.forward_selection import Trail, without
-from analysis.diagnosis.search.other_scales import at_other_scales, with_std_over
+from analysis.diagnosis.search.scale_maxima import at_other_scales, with_std_over
 from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import Separation, missed_without
-from analysis.diagnosis.verdict.other_names import other_names
+from analysis.diagnosis.verdict.indistinguishable import other_names
 from analysis.diagnosis.verdict.residual import Residual, remainder_of, residual_of
 from analysis.inference import Fitted, Linearised, effect_parameters, with_profile_std
 from analysis.shot import Quantity

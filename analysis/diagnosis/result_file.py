@@ -9,7 +9,7 @@ from analysis.diagnosis.wording import in_words, prediction_words, remark_on
 from analysis.shot import Quantity, to_json
 
 if TYPE_CHECKING:
-    from analysis.diagnosis.verdict.foretold import Foretold
+    from analysis.diagnosis.verdict.prediction_errors import Foretold
 
 
 def diagnosis_result(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from analysis.diagnosis import driven_words, words
 from analysis.diagnosis.result import Candidate, Diagnosis, Standing
 
 if TYPE_CHECKING:
-    from analysis.diagnosis.verdict.foretold import Foretold
+    from analysis.diagnosis.verdict.prediction_errors import Foretold
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from analysis.collision import NUISANCES, Effect, OwnLaw
-from analysis.diagnosis import contact_family
+from analysis.diagnosis import contact_laws
 from analysis.diagnosis.result import Diagnosis, FoundEffect, Freedom, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.shot import Fit, Quantity, words_and_unit
@@ -97,7 +97,7 @@ def sentence(diagnosis: Diagnosis) -> str:
     return (
         _verdict(diagnosis)
         + (_reduced(diagnosis) if effects or laws or diagnosis.verdict is Verdict.PARTLY_EXPLAINED else "")
-        + contact_family.sentence(effects, laws)
+        + contact_laws.sentence(effects, laws)
         + taken_along(diagnosis.fit_after)
     )
 

@@ -6,16 +6,16 @@ from .fit.course import Course
 from .fit.effective_parameters import Point, to_actual
 from .fit.first_fit import base_fit, first_fit
 from .fit.first_guesses import first_guesses
-from .fit.frame_anew import on_frame_anew
 from .fit.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
 from .fit.joint_data import JointData, joint_data, shakings_of, site_under, with_plates
 from .fit.least_squares import damped_step, free_to_move
 from .fit.problem import Fitted, Linearised, Problem
 from .fit.profile import with_profile_std
+from .fit.relinearised_frame import on_frame_anew
 from .fit.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shots
 from .fit.shot_fit import fit_shots
 from .noise.floor import Floor, white_floor
-from .noise.own_flights import own_flights
+from .noise.per_shot_acceleration import own_flights
 from .noise.site import Site, resembles_frame_motion
 from .noise.sway import on_site
 from .screen.screening import Score, distinct_starts, opposite

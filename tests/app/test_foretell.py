@@ -10,7 +10,7 @@ import pytest
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.foretold import Foretold, foretell
+from analysis.diagnosis.verdict.prediction_errors import Foretold, foretell
 from analysis.diagnosis.wording import prediction_words
 from analysis.drive.driven_fit import fit_driven
 from analysis.shot.shot import AnalysisError

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.foretold import Foretold, ForetoldShot
+from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty import budget, series
 from app.report.diagnosis_section import diagnosis_section, error_rows, prediction_section

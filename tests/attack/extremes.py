@@ -13,7 +13,7 @@ from analysis.collision import general
 from analysis.collision.laws.own import LawError, from_mapping, known_effect
 from analysis.collision.parameters import PAPER
 from analysis.diagnosis.model_file import from_text
-from analysis.diagnosis.verdict.foretold import foretell
+from analysis.diagnosis.verdict.prediction_errors import foretell
 from analysis.diagnosis.wording import prediction_words
 from analysis.fitted.fit_time import run_in_time
 from analysis.inference.fit.free_parameters import trial_effects

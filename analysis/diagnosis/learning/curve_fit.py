@@ -1,8 +1,8 @@
 """Fit a law of unknown form: a free curve of an argument, fitted to the shots jointly with the base model.
 
 A curve of B-splines is fitted jointly with base and starts on the exact solver, by Gauss-Newton steps whose smoothing
-is re-estimated at every step (``curve_step``).  A law changes the trajectories little, so derivatives serve for several
-steps.  They are recomputed where a step gains less than they predicted.
+is re-estimated at every step (``penalised_step``).  A law changes the trajectories little, so derivatives serve for
+several steps.  They are recomputed where a step gains less than they predicted.
 """
 
 import itertools
@@ -16,7 +16,7 @@ import numpy as np
 from analysis.collision import Argument, Infeasible, graded_basis
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
-from analysis.diagnosis.learning.curve_step import damped, penalised_step
+from analysis.diagnosis.learning.penalised_step import damped, penalised_step
 from analysis.inference import Fitted, Floor, Problem, free_to_move, white_floor
 from analysis.shot import Cancelled, Floats, Stop
 

@@ -11,7 +11,7 @@ from functools import cached_property, partial
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.diagnosis.learning.law_learning import Discovery, forms_may_reach, learn_law, led_on, rough_curves
 from analysis.diagnosis.learning.two_laws import two_curves
-from analysis.diagnosis.limit import Limit
+from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.diagnosis.verdict.identifiability import separation
 from analysis.inference import Fitted, TrialEffect

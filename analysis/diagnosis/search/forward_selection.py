@@ -9,8 +9,8 @@ from typing import TypeVar
 
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.limit import Limit
-from analysis.diagnosis.search.wider_effects import narrower, widened
+from analysis.diagnosis.search.wider_variants import narrower, widened
+from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.inference import (
     Fitted,

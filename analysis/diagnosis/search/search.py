@@ -12,10 +12,10 @@ import numpy as np
 
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, climb, nearly_as_likely, paired
-from analysis.diagnosis.search.from_base import accept, explored
 from analysis.diagnosis.search.full_rate import with_sway_updated
+from analysis.diagnosis.search.search_starts import accept, explored
+from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.conclusion import leaves_something
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of

@@ -7,7 +7,6 @@ which of the remaining effects are named.
 from dataclasses import dataclass, replace
 
 from analysis.compiled import side_by_side
-from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.competing_models import (
     Separations,
@@ -23,6 +22,7 @@ from analysis.diagnosis.search.forward_selection import (
     better,
     without,
 )
+from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.conclusion import conclude, leaves_something
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from analysis.collision import Effect
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Hopeless, Minimum, minimise
-from analysis.inference.fit.weighed_model import AtVector, WeighedModel
-from analysis.inference.noise import site_strengths
+from analysis.inference.fit.weighted_model import AtVector, WeighedModel
+from analysis.inference.noise import frame_strengths
 from analysis.inference.noise.floor import Floor, learn
-from analysis.inference.noise.site_strengths import Likely, over_likely
+from analysis.inference.noise.frame_strengths import Likely, over_likely
 from analysis.inference.screen import screening
 from analysis.inference.screen.columns import added_by
 from analysis.inference.screen.projector import Projector
@@ -52,7 +52,7 @@ class Problem(WeighedModel):
         data = self.data
         if data.site is not None:
             parts = _WANDERING_PARTS if anew else 0
-            return site_strengths.learn(residual_m, data.shots, data.site, start=start, parts=parts)
+            return frame_strengths.learn(residual_m, data.shots, data.site, start=start, parts=parts)
         valid, weights = [shot.valid for shot in data.shots], [shot.weight for shot in data.shots]
         spacing_s = data.shots[0].spacing_s
         return learn(residual_m, valid, spacing_s, weights=weights, start=start, parts=_WANDERING_PARTS)

@@ -14,7 +14,7 @@ from analysis.collision import Effect, Infeasible, LinearPath
 from analysis.compiled import side_by_side
 from analysis.inference.fit.effective_parameters import Point, to_actual
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.weighed_model import WeighedModel
+from analysis.inference.fit.weighted_model import WeighedModel
 from analysis.inference.screen import first_order
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column

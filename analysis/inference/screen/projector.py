@@ -9,7 +9,7 @@ import numpy as np
 
 from analysis.collision import fastest_rates
 from analysis.inference.fit.arrow import Arrow, Span
-from analysis.inference.fit.weighed_model import AtVector, Lines, WeighedModel
+from analysis.inference.fit.weighted_model import AtVector, Lines, WeighedModel
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
 

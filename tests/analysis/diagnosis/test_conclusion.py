@@ -11,10 +11,10 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.diagnosis import words
-from analysis.diagnosis.learning import beyond_catalogue as beyond
-from analysis.diagnosis.limit import Limit
+from analysis.diagnosis.learning import laws_outside_catalogue as beyond
 from analysis.diagnosis.result import Errors, FoundEffect, Freedom, Remainder, Verdict
 from analysis.diagnosis.result_file import diagnosis_result
+from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.shot.quantity import Quantity
 from tests.app import synthetic
@@ -65,7 +65,7 @@ def test_a_verdict_is_made_in_one_place() -> None:
     assert set(made) == {"conclusion.py"}
 
 
-WORDS = ("words", "driven_words", "contact_family", "wording", "result_file")
+WORDS = ("words", "driven_words", "contact_laws", "wording", "result_file")
 
 
 def test_what_decides_imports_no_words() -> None:

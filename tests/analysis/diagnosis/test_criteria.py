@@ -55,7 +55,7 @@ ALLOWED = (
     | {
         "analysis/drive/catalogue.py",
         "analysis/diagnosis/driven_words.py",
-        "analysis/diagnosis/contact_family.py",
+        "analysis/diagnosis/contact_laws.py",
     }
 )
 

@@ -14,7 +14,7 @@ from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning import curve_fit
 from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, ground_of
-from analysis.diagnosis.learning.curve_step import penalised_step
+from analysis.diagnosis.learning.penalised_step import penalised_step
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.fit.joint_data import JointData

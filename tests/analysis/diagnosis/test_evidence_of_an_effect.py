@@ -7,7 +7,7 @@ import pytest
 
 from analysis.collision.effects.row import Effect
 from analysis.diagnosis import explanation
-from analysis.diagnosis.learning import beyond_catalogue
+from analysis.diagnosis.learning import laws_outside_catalogue
 from analysis.diagnosis.result import FoundEffect
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.identifiability import Separation
@@ -60,11 +60,11 @@ def test_where_there_is_no_fit_without_the_effect_nothing_is_said_of_what_it_wou
 def test_beside_a_law_the_evidence_is_that_of_the_fit_with_the_law(
     known: dict[str, float], fewer: Fit | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(beyond_catalogue, "snr", lambda *_: 500.0)
+    monkeypatch.setattr(laws_outside_catalogue, "snr", lambda *_: 500.0)
     effect: Effect = TILT
     before = FoundEffect(effect, {}, {"snr": 3.0, "least_separation": 9.0, **known})
     anything = cast(Any, None)
-    told = beyond_catalogue._anew(before, {}, cast(Any, WITH), anything, cast(Any, fewer)).evidence
+    told = laws_outside_catalogue._anew(before, {}, cast(Any, WITH), anything, cast(Any, fewer)).evidence
     assert told["least_separation"] == 9.0
     assert told["snr"] == pytest.approx(500.0 if fewer is None else 200.0**0.5)
     assert told.get("delta_bic") == (-200.0 if fewer is not None else known.get("delta_bic"))

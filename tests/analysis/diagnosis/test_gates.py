@@ -12,7 +12,7 @@ from analysis.collision.effects import named as named_effect
 from analysis.collision.effects.row import Effect
 from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.verdict import other_names as names
+from analysis.diagnosis.verdict import indistinguishable as names
 from analysis.diagnosis.verdict.acceptance import accepted_effects, clear
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, choose

@@ -14,7 +14,7 @@ from analysis.diagnosis.learning import law_learning, single_law, two_laws
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import FormFit
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.limit import SECONDS, Limit
+from analysis.diagnosis.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.diagnosis.verdict.residual import Residual

@@ -10,10 +10,10 @@ from scipy.stats import chi2
 
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.row import Effect
-from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.result import Freedom
 from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import Trail, prune
+from analysis.diagnosis.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
 from analysis.diagnosis.verdict.acceptance import keep_predictive, settle
 from analysis.diagnosis.verdict.coincidence import Unforetold, by_chance

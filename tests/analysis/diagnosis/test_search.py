@@ -9,7 +9,7 @@ import pytest
 
 from analysis.collision import WIDER, Infeasible
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.search import from_base, search, wider_effects
+from analysis.diagnosis.search import search, search_starts, wider_variants
 from analysis.diagnosis.search.search import Search, Searched
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Point
@@ -202,14 +202,14 @@ def test_nuisances_pay_where_the_fit_without_them_is_less_likely(bic: float | No
 def test_effects_that_the_model_has_join_the_base_but_for_those_that_others_hold(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(from_base, "joined", lambda *given: given)
-    monkeypatch.setattr(from_base, "narrower", lambda effects: {DRAG} if TILT in effects else set())
+    monkeypatch.setattr(search_starts, "joined", lambda *given: given)
+    monkeypatch.setattr(search_starts, "narrower", lambda effects: {DRAG} if TILT in effects else set())
     catalogue = [KINDS[name] for name in ("viscous_drag", "tilt")]
     given: Any = ("base", catalogue)
-    assert from_base.accept(*given, (DRAG,), "stop") == ("base", catalogue[:1], "stop")  # type: ignore[arg-type]
-    assert from_base.accept(*given, (DRAG, TILT), "stop") == ("base", catalogue[1:], "stop")  # type: ignore[arg-type]
+    assert search_starts.accept(*given, (DRAG,), "stop") == ("base", catalogue[:1], "stop")  # type: ignore[arg-type]
+    assert search_starts.accept(*given, (DRAG, TILT), "stop") == ("base", catalogue[1:], "stop")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="no effect is called 'viscoelastic_arm'; there are viscous_drag, tilt"):
-        from_base.accept(*given, (ARM,), "stop")  # type: ignore[arg-type]
+        search_starts.accept(*given, (ARM,), "stop")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("again", "twice"), [(98.9, True), (99.1, False), (None, False)])
@@ -224,18 +224,18 @@ def test_where_effects_led_the_base_to_a_better_minimum_the_search_begins_there(
         asked.append((start, given, options))
         return f"best of {len(asked)}", SimpleNamespace(of=lambda effects: better if effects == () else None)
 
-    monkeypatch.setattr(from_base, "explore", explore)
-    monkeypatch.setattr(from_base, "_from_the_guess", lambda *given: given)
+    monkeypatch.setattr(search_starts, "explore", explore)
+    monkeypatch.setattr(search_starts, "_from_the_guess", lambda *given: given)
     start: Any = SimpleNamespace(left=1.01 * CRITERIA.drawn_far)
     options: Any = {"most": 2, "limit": "limit", "beat": 7.0}
     given: Any = (start, "catalogue", "stop")
-    best, _ = from_base.explored(before, *given, **options)
+    best, _ = search_starts.explored(before, *given, **options)
     assert best == ("best of 2" if twice else "best of 1")
     assert asked == [(one, ("catalogue", "stop"), options) for one in ([before, better] if twice else [before])]
     before.converged = False
-    assert from_base.explored(before, *given, **options) == (before, "catalogue", "stop", "limit")
+    assert search_starts.explored(before, *given, **options) == (before, "catalogue", "stop", "limit")
     start.left = 0.99 * CRITERIA.drawn_far
-    assert from_base.explored(before, *given, **options)[0] in ("best of 2", "best of 3", "best of 4")
+    assert search_starts.explored(before, *given, **options)[0] in ("best of 2", "best of 3", "best of 4")
 
 
 @pytest.mark.parametrize("ends", [{1.0: 80.0, 0.01: 70.0}, {1.0: 60.0, 0.01: 70.0}, {0.01: 99.0}, {1.0: 101.0}, {}])
@@ -259,11 +259,11 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
     data = SimpleNamespace(base=SimpleNamespace(contact_at=[2, 3]), shots=shots)
     problem = SimpleNamespace(data=data, slow_enough=lambda point: point, pack=lambda point: point, fit_once=fit_once)
     before: Any = fit(100.0, problem=problem, point=SimpleNamespace(values="values"))
-    monkeypatch.setattr(from_base, "first_guesses", lambda *given: [guess])
-    monkeypatch.setattr(from_base, "Trail", lambda *given, **named: SimpleNamespace(given=given, named=named))
-    monkeypatch.setattr(from_base, "climb", lambda there, trail: fit(ends[there.softer], DRAG))
-    monkeypatch.setattr(from_base, "explore", lambda *given, **named: ("explored", given, named))
-    found: Any = from_base._from_the_guess(before, "catalogue", "stop", "limit")  # type: ignore[arg-type]
+    monkeypatch.setattr(search_starts, "first_guesses", lambda *given: [guess])
+    monkeypatch.setattr(search_starts, "Trail", lambda *given, **named: SimpleNamespace(given=given, named=named))
+    monkeypatch.setattr(search_starts, "climb", lambda there, trail: fit(ends[there.softer], DRAG))
+    monkeypatch.setattr(search_starts, "explore", lambda *given, **named: ("explored", given, named))
+    found: Any = search_starts._from_the_guess(before, "catalogue", "stop", "limit")  # type: ignore[arg-type]
     least = min((bic for bic in ends.values() if bic < 100.0), default=None)
     if least is None:
         assert found == ("explored", (before, "catalogue", "stop"), {"limit": "limit"})
@@ -271,15 +271,15 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
         assert found[0].bic == least and found[1].given == (before, "catalogue", "stop")
         assert found[1].named == {"limit": "limit"}
     assert len(packed) == 2 and np.array_equal(packed[0].own, [[1.0, 2.0, 3.0]] * 2) and packed[0].values == "values"
-    monkeypatch.setattr(from_base, "climb", lambda there, trail: there)  # where no effect joins
-    assert from_base._from_the_guess(before, "catalogue", "stop", None)[0] == "explored"  # type: ignore[arg-type]
+    monkeypatch.setattr(search_starts, "climb", lambda there, trail: there)  # where no effect joins
+    assert search_starts._from_the_guess(before, "catalogue", "stop", None)[0] == "explored"  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("one_body", [True, False])
 @pytest.mark.parametrize("feasible", [True, False])
 def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_body: bool, feasible: bool) -> None:
     (row,) = WIDER.values()
-    (narrow,) = wider_effects.narrower([row, TILT])
+    (narrow,) = wider_variants.narrower([row, TILT])
     kept = KINDS["tilt"]
     made: list[Any] = []
 
@@ -299,8 +299,8 @@ def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_b
         ),
         effective=Point("base", "own", ({TILT: {"angle_rad": 1.0}, narrow: {"frequency_hz": 77.0}},)),  # type: ignore[arg-type]
     )
-    found = wider_effects.widened(here, narrow, "stop")  # type: ignore[arg-type]
-    assert wider_effects.widened(here, TILT, "stop") == []  # type: ignore[arg-type]
+    found = wider_variants.widened(here, narrow, "stop")  # type: ignore[arg-type]
+    assert wider_variants.widened(here, TILT, "stop") == []  # type: ignore[arg-type]
     if one_body and not row.one_body:
         assert found == [] == made
         return

@@ -6,8 +6,8 @@ import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.limit import SECONDS, Limit
 from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference.fit.free_parameters import trial_effects
 from tests.analysis.diagnosis.shots import base_fit, calm, shots

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from analysis.inference.noise import own_flights as module
-from analysis.inference.noise.own_flights import _Flight, _flights, _log_likelihood
+from analysis.inference.noise import per_shot_acceleration as module
+from analysis.inference.noise.per_shot_acceleration import _Flight, _flights, _log_likelihood
 
 COUNT, SPACING_S = 4, 1e-3
 LAWS = np.array([[1.0, 0.5], [1.0, -0.5], [1.0, 2.0], [1.0, -1.0]])

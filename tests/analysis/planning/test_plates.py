@@ -9,7 +9,7 @@ from analysis.collision.parameters import Collision
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import saved
 from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.verdict.foretold import foretell
+from analysis.diagnosis.verdict.prediction_errors import foretell
 from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
 from analysis.inference.fit.base import base_of
 from analysis.inference.fit.effective_parameters import Point

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading.floor_spectrum import Octaves, waves_of
-from analysis.reading.strengths import FlightObservation
+from analysis.reading.floor_strengths import FlightObservation
 
 Floats = NDArray[np.float64]
 BIN_S, WHITE_M = 5e-4, 2e-11

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.reading.flight import Bins
 from analysis.reading.floor_spectrum import Octaves, waves_of
-from analysis.reading.strengths import FlightObservation
+from analysis.reading.floor_strengths import FlightObservation
 from analysis.reading.vibration_lines import (
     Wave,
     _columns,

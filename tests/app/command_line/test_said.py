@@ -12,7 +12,7 @@ import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.foretold import Foretold, ForetoldShot
+from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot
 from analysis.planning.next_shot import NextShot, Reach
 from analysis.planning.plan import Plan
 from analysis.planning.shot_log import PlanningState

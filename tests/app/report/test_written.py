@@ -12,7 +12,7 @@ import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Candidate, Errors, Standing, Verdict
-from analysis.diagnosis.verdict.foretold import Foretold, ForetoldShot
+from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot
 from analysis.shot.impact import Disturbance, VibrationLine
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Air, Channel, Plate, Recording, Role, Setup

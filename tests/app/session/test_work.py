@@ -13,7 +13,7 @@ import app.report
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.model_file import from_text
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.foretold import Foretold, ForetoldShot
+from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot
 from analysis.drive.catalogue import LAWS
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings

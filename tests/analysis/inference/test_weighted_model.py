@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision import ARGUMENTS, FORMS, Effect, Infeasible
 from analysis.collision.effects import named
-from analysis.inference.fit import weighed_model
+from analysis.inference.fit import weighted_model
 from analysis.inference.fit.free_parameters import TrialEffect, trial_effect
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.response import respond
@@ -60,7 +60,7 @@ def test_slopes_are_those_of_the_vector(best: Fitted) -> None:
 
 
 def test_the_last_few_results_are_kept_and_no_other(best: Fitted, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(weighed_model, "_REMEMBERED", 2)
+    monkeypatch.setattr(weighted_model, "_REMEMBERED", 2)
     problem = replace(best.problem)
     vectors = [best.z + k * 1e-9 for k in range(3)]
     first = problem.derivatives(vectors[0])

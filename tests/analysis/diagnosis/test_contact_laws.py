@@ -7,7 +7,7 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.collision.laws.own import from_mapping
-from analysis.diagnosis.contact_family import sentence
+from analysis.diagnosis.contact_laws import sentence
 from analysis.diagnosis.result import FoundEffect, LearnedLaw
 from analysis.shot.quantity import Quantity
 

@@ -14,12 +14,12 @@ from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.foretold import foretell
+from analysis.diagnosis.verdict.prediction_errors import foretell
 from analysis.inference.fit.course import read_course
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.inference.noise import own_flights as module
-from analysis.inference.noise.own_flights import own_flights
+from analysis.inference.noise import per_shot_acceleration as module
+from analysis.inference.noise.per_shot_acceleration import own_flights
 from analysis.shot.motion import Motion
 from tests.analysis.camera import MASS_KG, Camera
 from tests.benchmarks.stories import simulated
@@ -59,7 +59,7 @@ def test_a_shot_fitted_with_its_own_bends_gives_them() -> None:
 
 def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     # The search itself is tested elsewhere: here nothing is searched but the shots' own bends.
-    monkeypatch.setattr(sys.modules["analysis.diagnosis.question"], "trial_effects", lambda _laws=(): ())
+    monkeypatch.setattr(sys.modules["analysis.diagnosis.diagnosis_input"], "trial_effects", lambda _laws=(): ())
     motions = shots(OWN)
     found = diagnose(motions[:3], model="contact")
     assert "its own flight acceleration" in found.sentence

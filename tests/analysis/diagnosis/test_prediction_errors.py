@@ -10,8 +10,8 @@ import pytest
 
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict import foretold as module
-from analysis.diagnosis.verdict.foretold import Foretold, ForetoldShot, _all, _on_its_plate, foretell
+from analysis.diagnosis.verdict import prediction_errors as module
+from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot, _all, _on_its_plate, foretell
 from analysis.diagnosis.wording import prediction_words
 from analysis.shot.plate import stated_n_per_m
 from analysis.shot.quantity import Quantity

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.search.forward_selection import Trail, climb
-from analysis.diagnosis.search.other_scales import at_likeliest_scale, at_other_scales, with_std_over
+from analysis.diagnosis.search.scale_maxima import at_likeliest_scale, at_other_scales, with_std_over
 from analysis.inference import Fitted, effect_parameters, refit
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
@@ -87,7 +87,7 @@ def fit(z: list[float], std: list[float], bic: float, names: str = "ab") -> Any:
 def test_the_covariance_is_that_of_numbers_drawn_from_all_fits_by_their_likelihood(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("analysis.diagnosis.search.other_scales.replace", lambda one, inverse: inverse)
+    monkeypatch.setattr("analysis.diagnosis.search.scale_maxima.replace", lambda one, inverse: inverse)
     fits = [fit([1.0, 5.0], [0.3, 0.1], 0.0), fit([3.0, 4.0], [0.2, 0.4], 1.2), fit([-2.0, 7.0], [0.5, 0.2], 4.0)]
     turned = fit([7.0, -2.0], [0.2, 0.5], 4.0, "ba")  # the same fit, its parameters in another order
     got: Any = with_std_over(fits[0], [fits[1], turned])
@@ -101,7 +101,7 @@ def test_the_covariance_is_that_of_numbers_drawn_from_all_fits_by_their_likeliho
 
 
 def test_a_fit_that_is_likelier_than_the_one_reported_weighs_no_more_than_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analysis.diagnosis.search.other_scales.replace", lambda one, inverse: inverse)
+    monkeypatch.setattr("analysis.diagnosis.search.scale_maxima.replace", lambda one, inverse: inverse)
     here, there = fit([0.0], [0.1], 10.0), fit([4.0], [0.1], -50.0)
     assert float(np.asarray(with_std_over(here, [there]))[0, 0]) == pytest.approx(0.01 + 8.0)
 

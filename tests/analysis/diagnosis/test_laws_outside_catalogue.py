@@ -9,8 +9,8 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.learning import beyond_catalogue as module
 from analysis.diagnosis.learning import law_learning
+from analysis.diagnosis.learning import laws_outside_catalogue as module
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.shot.quantity import Quantity

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
-from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
-from analysis.diagnosis.search.wider_effects import narrower
+from analysis.diagnosis.search.wider_variants import narrower
+from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Point, SearchStart, TrialEffect, first_guesses, joined
 from analysis.shot import Stop

@@ -9,9 +9,9 @@ from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import in_joint_fit
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.learning.two_laws import learn_another, learn_laws
-from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
+from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.conclusion import conclude
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict

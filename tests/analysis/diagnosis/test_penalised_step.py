@@ -14,8 +14,8 @@ from analysis.collision.laws.forms import FORMS
 from analysis.diagnosis.learning.closed_forms import gauge, information, is_its_own, is_law
 from analysis.diagnosis.learning.curve_fit import Learned, _moved, _penalised
 from analysis.diagnosis.learning.curve_motion import Term
-from analysis.diagnosis.learning.curve_step import damped, penalised_step
 from analysis.diagnosis.learning.learned_law import _as
+from analysis.diagnosis.learning.penalised_step import damped, penalised_step
 
 PLACE = next(one for one in ARGUMENTS if (one.where, one.name) == ("block", "place"))
 BASIS = Basis(tuple(np.linspace(0.0, 1.0, 7)))

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from analysis.collision.effects import CATALOGUE, named
-from analysis.diagnosis import question as module
-from analysis.diagnosis.question import Question
+from analysis.diagnosis import diagnosis_input as module
+from analysis.diagnosis.diagnosis_input import Question
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.drive import LAWS
 from tests.analysis.collision.laws.test_own import from_mapping

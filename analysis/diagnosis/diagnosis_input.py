@@ -7,7 +7,7 @@ from functools import cached_property
 
 from analysis.collision import Acts, Effect, findings
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.limit import Limit
+from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference import (

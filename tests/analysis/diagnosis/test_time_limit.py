@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import pytest
 
-from analysis.diagnosis import limit as module
+from analysis.diagnosis import time_limit as module
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.limit import Limit
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.result_file import diagnosis_result
+from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.wording import in_words
 from analysis.shot.shot import AnalysisError, Cancelled
 from tests.analysis.diagnosis.shots import calm, shots

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from analysis.collision import Infeasible
-from analysis.inference.fit import frame_anew
-from analysis.inference.fit.frame_anew import on_frame_anew
+from analysis.inference.fit import relinearised_frame
+from analysis.inference.fit.relinearised_frame import on_frame_anew
 from tests.analysis.diagnosis.shots import calm
 
 WHITE_M, STD = 1e-10, (2e-7, 3e-4)
@@ -55,9 +55,9 @@ def test_it_is_computed_anew_where_it_is_wrong_or_a_plate_is_elsewhere(
         computed.append(at.values)
         return tuple(Some(sway=_sway(0.0, shot.plate), plate=shot.plate) for shot in shots)
 
-    monkeypatch.setattr(frame_anew, "on_site", on_site)
-    monkeypatch.setattr(frame_anew, "replace", _replaced)
-    monkeypatch.setattr(frame_anew, "with_plates", _with_plates)
+    monkeypatch.setattr(relinearised_frame, "on_site", on_site)
+    monkeypatch.setattr(relinearised_frame, "replace", _replaced)
+    monkeypatch.setattr(relinearised_frame, "with_plates", _with_plates)
     calmer = Some(sway=_sway(0.0), plate=(0.0, 0.0))
     before = _fit((calmer, Some(sway=_sway(off, (float(plate[0]), float(plate[1]))), plate=(0.0, 0.0))))
     found = on_frame_anew(before, calm)
@@ -101,9 +101,9 @@ def test_plates_are_followed_as_long_as_that_makes_the_shots_likelier(
     def on_site(shots: Any, *_: Any) -> Any:
         return tuple(Some(sway=_sway(0.0, (shot.plate[0] + STD[0], 0.0)), plate=shot.plate) for shot in shots)
 
-    monkeypatch.setattr(frame_anew, "on_site", on_site)
-    monkeypatch.setattr(frame_anew, "replace", refitted)
-    monkeypatch.setattr(frame_anew, "with_plates", _with_plates)
+    monkeypatch.setattr(relinearised_frame, "on_site", on_site)
+    monkeypatch.setattr(relinearised_frame, "replace", refitted)
+    monkeypatch.setattr(relinearised_frame, "with_plates", _with_plates)
     found = on_frame_anew(_fit((Some(sway=_sway(0.0, (STD[0], 0.0)), plate=(0.0, 0.0)),)), calm)
     assert len(fitted) == turns and found is fitted[taken - 1]
 
@@ -112,7 +112,7 @@ def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch:
     def too_fast(*_: Any) -> Any:
         raise Infeasible("too many steps")
 
-    monkeypatch.setattr(frame_anew, "on_site", too_fast)
+    monkeypatch.setattr(relinearised_frame, "on_site", too_fast)
     before = _fit((Some(sway=_sway(1.0), plate=(0.0, 0.0)),))
     assert on_frame_anew(before, calm) is before
 
@@ -133,8 +133,8 @@ def test_plates_are_read_anew_and_the_farthest_move_is_told_in_standard_deviatio
     shots = [shot((1.0, 3.0), (2.0, 5.0)), shot((7.0, 1.0), (6.0, -20.0)), shot((0.0, 0.0), (0.0, 0.0))]
     data = Some(shots=shots)
     fitted: Any = Some(problem=Some(data=data), noise=0.5, residual_m=[4.0, 2.0, 0.0])
-    plates, moved = frame_anew._plates(fitted)
+    plates, moved = relinearised_frame._plates(fitted)
     assert plates == [(1.0, 5.0), (7.0, 2.0), (0.0, 0.0)] and moved == 2.2
     still = [shot((1.0, 3.0), (1.1, 3.0))]
     near: Any = Some(problem=Some(data=Some(shots=still)), noise=0.5, residual_m=[0.0])
-    assert frame_anew._plates(near)[1] == pytest.approx(0.05)
+    assert relinearised_frame._plates(near)[1] == pytest.approx(0.05)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.diagnosis import Diagnosis, Foretold, diagnosis_result, foretold_result
+from analysis.diagnosis import Diagnosis, PredictionTest, diagnosis_result, prediction_test_result
 from analysis.fitted import readings_model, readings_model_result
 from analysis.shot import Disturbance, Fit, Shot, program_version, to_json
 from analysis.uncertainty import Origin, budget, budget_result, of_collision, series, series_result
@@ -12,7 +12,9 @@ from analysis.uncertainty import Origin, budget, budget_result, of_collision, se
 SCHEMA = "levimass.result/1"
 
 
-def result(shots: Sequence[Shot], diagnosis: Diagnosis | None, foretold: Foretold | None = None) -> dict[str, Any]:
+def result(
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, foretold: PredictionTest | None = None
+) -> dict[str, Any]:
     """Return the whole result, ready for JSON (no NaN, no infinity)."""
     return {
         "schema": SCHEMA,
@@ -20,7 +22,7 @@ def result(shots: Sequence[Shot], diagnosis: Diagnosis | None, foretold: Foretol
         "shots": [shot_result(shot, [other for other in shots if other is not shot]) for shot in shots],
         "series": _finite(series_result(series(shots))) if len(shots) > 1 else None,
         "diagnosis": None if diagnosis is None else _finite(diagnosis_result(diagnosis)),
-        "foretold": None if foretold is None else _finite(foretold_result(foretold)),
+        "foretold": None if foretold is None else _finite(prediction_test_result(foretold)),
     }
 
 

@@ -1,26 +1,26 @@
 from .diagnosis_of_shots import diagnose
 from .model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
 from .result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
-from .result_file import diagnosis_result, foretold_result
+from .result_file import diagnosis_result, prediction_test_result
 from .search.competing_models import fitted_instead
 from .search.forward_selection import Trail, without
-from .verdict.coincidence import unforetold
+from .verdict.coincidence import per_shot_cost
 from .verdict.criteria import CRITERIA
 from .verdict.identifiability import separation
-from .verdict.prediction_errors import Foretold, foretell
+from .verdict.prediction_errors import PredictionTest, evaluate_predictions
 from .wording import in_words, prediction_words, remark_on
-from .words import ONE_WITH_TWO_READINGS
+from .words import EQUIVALENT_EFFECTS
 
 __all__ = [
     "CRITERIA",
-    "ONE_WITH_TWO_READINGS",
+    "EQUIVALENT_EFFECTS",
     "Candidate",
     "Diagnosis",
     "Errors",
-    "Foretold",
     "FoundEffect",
     "LearnedLaw",
     "ModelFileError",
+    "PredictionTest",
     "SavedModel",
     "Trail",
     "Verdict",
@@ -28,16 +28,16 @@ __all__ = [
     "diagnosis_result",
     "drift",
     "effect_in_file",
+    "evaluate_predictions",
     "fitted_instead",
-    "foretell",
-    "foretold_result",
     "from_text",
     "in_words",
+    "per_shot_cost",
+    "prediction_test_result",
     "prediction_words",
     "remark_on",
     "saved",
     "separation",
     "to_text",
-    "unforetold",
     "without",
 ]

@@ -12,14 +12,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from analysis.diagnosis.diagnosis_input import Question
+from analysis.diagnosis.diagnosis_input import DiagnosisInput
 from analysis.diagnosis.explanation import Explanation, explain_with_effects, explain_with_laws
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.scale_maxima import at_likeliest_scale
-from analysis.diagnosis.search.search import Search, Searched
-from analysis.diagnosis.verdict.acceptance import Settled, settle
+from analysis.diagnosis.search.search import Search, SearchResult
+from analysis.diagnosis.verdict.acceptance import GatedFit, settle
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.shot import AnalysisError
 
@@ -32,7 +32,7 @@ class Branch:
     the explanation with the effects that passed their gates, ``complete`` the same with learned laws.
     """
 
-    searched: Searched
+    searched: SearchResult
     law: SingleLaw
     law_was_tried: bool = False
     named: Explanation | None = None
@@ -59,7 +59,7 @@ class Branch:
 class BestFirst:
     """A search for the likeliest explanation of the shots of one question."""
 
-    def __init__(self, question: Question) -> None:
+    def __init__(self, question: DiagnosisInput) -> None:
         self._question = question
         self._search = Search(
             question.shots,
@@ -134,7 +134,7 @@ class BestFirst:
     def _search_in_building(self) -> None:
         """Search with frame motion for one effect fewer than allowed: one law takes less time than the last effect."""
         searched = self._search.under(self._question.site, most=CRITERIA.most_effects - 1)
-        self._in_building = Branch(searched, self._question.one_law_beside(searched.trail.start))
+        self._in_building = Branch(searched, self._question.single_law_given(searched.trail.start))
 
     def _may_be_likelier_at_rest(self, building: Branch) -> bool:
         """Return whether shots that are explained with frame motion may be likelier without it.
@@ -147,7 +147,7 @@ class BestFirst:
         if best.effects:
             return self._search.likelier_without_site(best)
         try:
-            law = self._question.one_law_beside(self._search.base_at_rest())
+            law = self._question.single_law_given(self._search.base_at_rest())
         except AnalysisError:
             return False
         self._law_hides_in_building = law.in_flight_may_reach(building.bic - CRITERIA.law_fall)
@@ -161,7 +161,7 @@ class BestFirst:
         most = CRITERIA.most_effects - (self._question.site is None)
         beat = math.inf if self._in_building is None else self._in_building.bic
         searched = self._search.under(None, most=most, beat=beat)
-        self._at_rest = Branch(searched, self._question.one_law_beside(searched.trail.start))
+        self._at_rest = Branch(searched, self._question.single_law_given(searched.trail.start))
 
     def _try_one_law_instead(self, branch: Branch, likelier: Branch) -> None:
         """End with one law of a branch where it explains the shots and the effects of the likelier branch do not.
@@ -190,7 +190,7 @@ class BestFirst:
         finely = at_full_rate(best, trail, question.motions)
         if finely is not None:
             best, trail = finely
-            branch.law = question.one_law_beside(trail.start)
+            branch.law = question.single_law_given(trail.start)
         held_out = question.held_out(trail.start.problem.data, in_turn=best is not trail.start)
         # where the best fit leaves a residual, a thorough search of a support's frequency is not worth its time
         best, given = at_likeliest_scale(best, trail, thoroughly=not branch.leaves_something), best
@@ -218,7 +218,7 @@ class BestFirst:
     def _without_effects(self, branch: Branch) -> Explanation:
         """Return the explanation of a branch with no catalogue effect named."""
         trail = branch.searched.trail
-        settled = Settled.nothing(trail.start, trail.linearised(trail.start))
+        settled = GatedFit.nothing(trail.start, trail.linearised(trail.start))
         return explain_with_effects(self._question, trail, settled, branch.law.held)
 
     def _end_with(self, explanation: Explanation) -> None:

@@ -28,7 +28,7 @@ from analysis.shot import Motion, Progress, Shaking, Stop
 
 
 @dataclass(frozen=True)
-class Question:
+class DiagnosisInput:
     """Shots and settings of one diagnosis; quantities derived from them alone are computed once.
 
     ``hold_out`` is the index of the only validation shot; None: they are chosen by speed.  ``progress`` is called with
@@ -78,7 +78,7 @@ class Question:
         """Return the indices of the validation shots, each predicted from all other shots."""
         return choose(data, in_turn=in_turn) if self.hold_out is None else (self.hold_out,)
 
-    def one_law_beside(self, start: Fitted) -> SingleLaw:
+    def single_law_given(self, start: Fitted) -> SingleLaw:
         """Return the single law that ``start`` may lack; it is learned when first needed."""
         return SingleLaw(start, self.held_out(start.problem.data), self.progress, self.stop, self.limit)
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from analysis.collision import Effect, effects_named
 from analysis.diagnosis.best_first import BestFirst
-from analysis.diagnosis.diagnosis_input import Question
+from analysis.diagnosis.diagnosis_input import DiagnosisInput
 from analysis.diagnosis.driven import diagnose_driven
 from analysis.diagnosis.explanation import Explanation
 from analysis.diagnosis.result import Diagnosis, Errors, Verdict
@@ -49,7 +49,7 @@ def diagnose(
     if is_drive(model):
         return diagnose_driven(motions, accepted, progress, cancelled)
     stop = cancelled or (lambda: False)
-    question = Question(
+    question = DiagnosisInput(
         motions=motions,
         model=model,
         named=effects_named(accepted),
@@ -85,7 +85,7 @@ def _shakings(shots: Sequence[Shot | Motion]) -> Sequence[Shaking | None] | None
     return read if len(read) == len(shots) else None
 
 
-def _diagnosis(question: Question, explanation: Explanation) -> Diagnosis:
+def _diagnosis(question: DiagnosisInput, explanation: Explanation) -> Diagnosis:
     """Return the diagnosis for an explanation, with errors, candidates and detection limits."""
     question.progress("errors before and after", 0.9)
     motions, before, after = question.motions, explanation.before, explanation.after
@@ -129,7 +129,9 @@ def _errors(motions: Sequence[Motion], fitted: Fitted, floor: Floor) -> Errors:
     return errors(motions, problem.data.shots, problem.full(fitted.point), floor, problem.size)
 
 
-def _held_out_errors(question: Question, explanation: Explanation, prediction: Prediction | None) -> Errors | None:
+def _held_out_errors(
+    question: DiagnosisInput, explanation: Explanation, prediction: Prediction | None
+) -> Errors | None:
     held_out = explanation.held_out
     if not held_out or prediction is None:
         return None

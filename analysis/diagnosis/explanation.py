@@ -4,18 +4,18 @@ import math
 from dataclasses import dataclass, replace
 
 from analysis.collision import Effect
-from analysis.diagnosis.diagnosis_input import Question
-from analysis.diagnosis.learning.laws_outside_catalogue import beside, beyond_catalogue
+from analysis.diagnosis.diagnosis_input import DiagnosisInput
+from analysis.diagnosis.learning.laws_outside_catalogue import beyond_catalogue, learn_laws_given_effects
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.search.competing_models import separations_of
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.search.scale_maxima import at_other_scales, with_std_over
-from analysis.diagnosis.verdict.acceptance import Settled, accepted_effects, clear
+from analysis.diagnosis.verdict.acceptance import GatedFit, accepted_effects, clear
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import Separation, missed_without
-from analysis.diagnosis.verdict.indistinguishable import other_names
+from analysis.diagnosis.verdict.indistinguishable import indistinguishable_effects
 from analysis.diagnosis.verdict.residual import Residual, remainder_of, residual_of
 from analysis.inference import Fitted, Linearised, effect_parameters, with_profile_std
 from analysis.shot import Quantity
@@ -60,7 +60,9 @@ class Explanation:
         return self.after.bic
 
 
-def explain_with_effects(question: Question, trail: Trail, settled: Settled, held_out: tuple[int, ...]) -> Explanation:
+def explain_with_effects(
+    question: DiagnosisInput, trail: Trail, settled: GatedFit, held_out: tuple[int, ...]
+) -> Explanation:
     """Name the effects of a settled fit that pass every gate, after removing those that its residual puts in doubt."""
     question.progress("telling look-alikes apart", 0.8)
     best, linearised, separations, residual = settled.best, settled.linearised, settled.separations, settled.residual
@@ -98,7 +100,9 @@ def explain_with_effects(question: Question, trail: Trail, settled: Settled, hel
     )
 
 
-def explain_with_laws(question: Question, known: Explanation, law: SingleLaw, *, beat: float = math.inf) -> Explanation:
+def explain_with_laws(
+    question: DiagnosisInput, known: Explanation, law: SingleLaw, *, beat: float = math.inf
+) -> Explanation:
     """Learn laws where ``known`` leaves a residual; their BIC must be below ``beat``.
 
     ``law`` is the single law that may replace all effects.
@@ -107,7 +111,7 @@ def explain_with_laws(question: Question, known: Explanation, law: SingleLaw, *,
         return known
     progress, stop, limit = question.progress, question.stop, question.limit
     beyond = (
-        beside(known.nearest, known.effects, known.before, law.held, progress, stop, limit, beat=beat)
+        learn_laws_given_effects(known.nearest, known.effects, known.before, law.held, progress, stop, limit, beat=beat)
         if known.effects
         else beyond_catalogue(law, known.nearest, known.imitations, beat=beat)
     )
@@ -139,7 +143,7 @@ def _found(
     """Return an effect of a fit with its evidence and its indistinguishable look-alikes."""
     trail.go_on()
     fewer = without(best, effect, trail)
-    others, lead = other_names(best, effect, residual, separation, trail)
+    others, lead = indistinguishable_effects(best, effect, residual, separation, trail)
     evidence = {"snr": min(separation.snr, missed_without(best, fewer))}
     if fewer is not None:
         evidence["delta_bic"] = float(best.bic - fewer.bic)

@@ -9,7 +9,7 @@ from analysis.diagnosis.wording import in_words, prediction_words, remark_on
 from analysis.shot import Quantity, to_json
 
 if TYPE_CHECKING:
-    from analysis.diagnosis.verdict.prediction_errors import Foretold
+    from analysis.diagnosis.verdict.prediction_errors import PredictionTest
 
 
 def diagnosis_result(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -65,7 +65,7 @@ def diagnosis_result(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def foretold_result(foretold: "Foretold") -> dict[str, Any]:
+def prediction_test_result(foretold: "PredictionTest") -> dict[str, Any]:
     """Return the ``foretold`` object of the result file."""
     return {
         "model": foretold.model,

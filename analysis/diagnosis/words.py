@@ -28,7 +28,7 @@ FREEDOMS = {
 }
 _REDUCED = 0.995  # residual after over residual before: above this, no reduction is reported
 # effects that are physically identical, wholly or in a limit: there, no shot of any rig can distinguish them
-ONE_WITH_TWO_READINGS = {
+EQUIVALENT_EFFECTS = {
     frozenset({"plate_damping", "viscoelastic_arm"}): (
         "an arm that relaxes faster than the plate moves is a dashpot of k tau: one loss, two readings"
     ),

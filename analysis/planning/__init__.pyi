@@ -5,10 +5,10 @@ from .next_shot import (
     SPEEDS_M_PER_S,
     NextShot,
     Reach,
-    as_found_kg,
     contact_s,
+    first_indistinguishable,
+    mass_without_weights_kg,
     shots_in_words,
-    undecided,
 )
 from .precision import plan_precision
 from .shot_log import PlannedStep, PlanningState, next_step, plan_next
@@ -21,12 +21,12 @@ __all__ = [
     "PlannedStep",
     "PlanningState",
     "Reach",
-    "as_found_kg",
     "contact_s",
+    "first_indistinguishable",
+    "mass_without_weights_kg",
     "next_step",
     "plan_next",
     "plan_precision",
     "refit_diagnosed",
     "shots_in_words",
-    "undecided",
 ]

@@ -7,7 +7,7 @@ from math import inf, sqrt
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis import CRITERIA, unforetold
+from analysis.diagnosis import CRITERIA, per_shot_cost
 from analysis.inference import Samples, trial_effect
 from analysis.planning.model_comparison import ComparedModel, ModelComparison, rivals
 from analysis.planning.next_shot import NextShot
@@ -96,13 +96,13 @@ def screen_shots(
     known = {b: replace(of_b, penalty=members[b].penalty) for b, of_b in known.items()}
     done = count(1)
 
-    charged = {m.effect: unforetold(m.fitted, m.effect) for m in members if comparison.has_penalty(m.effect)}
+    charged = {m.effect: per_shot_cost(m.fitted, m.effect) for m in members if comparison.has_penalty(m.effect)}
 
     def of_pair(rival: ComparedModel, shown: Samples) -> Information:
         information, numbers = information_of(rival.fitted, shown, floor), charged.get(rival.effect)
         if numbers is None:
             return information
-        return replace(information, penalty=shot_penalty(rival.fitted, rival.effect, numbers.scatter, shown, floor))
+        return replace(information, penalty=shot_penalty(rival.fitted, rival.effect, numbers.prior_width, shown, floor))
 
     def of_shot(shot: NextShot) -> dict[Pair, Information] | None:
         if stop():

@@ -7,7 +7,7 @@ from math import inf, isfinite
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
-from analysis.diagnosis import CRITERIA, Trail, fitted_instead, separation, unforetold, without
+from analysis.diagnosis import CRITERIA, Trail, fitted_instead, per_shot_cost, separation, without
 from analysis.inference import (
     FINE_RATE_HZ,
     RATE_HZ,
@@ -98,7 +98,7 @@ def penalty(effect: Effect, fitted: Fitted, shared_nats: float) -> float:
     """Return the penalty, as chi^2, of an effect whose parameters are fitted per shot; 0 for other effects."""
     if not effect.own:
         return 0.0
-    theirs = unforetold(fitted, effect)
+    theirs = per_shot_cost(fitted, effect)
     return 0.0 if theirs is None else 2 * max(0.0, theirs.nats - shared_nats)
 
 
@@ -111,7 +111,7 @@ def _shared_nats(members: Sequence[ComparedModel]) -> float:
     best = min(shared, key=lambda member: member.chi2, default=None)
     if best is None or len(shared) == len(members):
         return inf
-    ours = unforetold(best.fitted, best.effect)
+    ours = per_shot_cost(best.fitted, best.effect)
     return inf if ours is None else ours.nats
 
 

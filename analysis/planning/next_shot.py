@@ -69,7 +69,7 @@ class Reach:
         return 0.95 * self.run_up_m / speed_m_per_s
 
 
-def as_found_kg(shots: Sequence[Samples] | Sequence[Motion]) -> float:
+def mass_without_weights_kg(shots: Sequence[Samples] | Sequence[Motion]) -> float:
     """Return the mass of the block without weights: the smallest of the shots'."""
     return min(shot.moving_mass_kg for shot in shots)
 
@@ -82,7 +82,7 @@ def on_the_rig(shots: Sequence[Samples]) -> list[Samples]:
 def contact_s(shot: NextShot, shots: Sequence[Samples]) -> float:
     """Return the expected contact time in s, which grows with the root of the mass."""
     like = on_the_rig(shots)[0]
-    mass_kg = as_found_kg(shots) + shot.added_mass_kg
+    mass_kg = mass_without_weights_kg(shots) + shot.added_mass_kg
     return like.course.contact_time_s * math.sqrt(mass_kg / like.moving_mass_kg)
 
 
@@ -121,7 +121,7 @@ def usual_flights(shots: Sequence[Samples]) -> tuple[float, float]:
     return max(before, 2e-3), max(after, 5e-3)
 
 
-def undecided(diagnosis: Diagnosis) -> tuple[Effect, ...]:
+def first_indistinguishable(diagnosis: Diagnosis) -> tuple[Effect, ...]:
     """Return the first effect that the diagnosis could not distinguish from others, then these; () if there is none."""
     for found in diagnosis.effects:
         if found.indistinguishable_from:

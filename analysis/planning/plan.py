@@ -15,7 +15,7 @@ from math import inf
 from typing import Any
 
 from analysis.collision import Effect
-from analysis.diagnosis import CRITERIA, ONE_WITH_TWO_READINGS
+from analysis.diagnosis import CRITERIA, EQUIVALENT_EFFECTS
 from analysis.planning.distances import (
     Distances,
     Pair,
@@ -31,9 +31,9 @@ from analysis.planning.next_shot import (
     MOST_SHOTS,
     NextShot,
     Reach,
-    as_found_kg,
     effort,
     in_order,
+    mass_without_weights_kg,
     next_shots,
     shots_in_words,
 )
@@ -126,7 +126,7 @@ def plan(
         progress("predicting the next shots", _SCREENING * done)
 
     distances = screen_shots(comparison, next_shots(shots, reach or Reach()), screening, stop)
-    on_the_block = shots[-1].moving_mass_kg - as_found_kg(shots)
+    on_the_block = shots[-1].moving_mass_kg - mass_without_weights_kg(shots)
 
     def refitting(done: float) -> None:
         progress("refitting the rivals", _SCREENING + (1 - _SCREENING) * done)
@@ -276,5 +276,5 @@ def _best(found: Found, on_the_block_kg: float) -> Shots | None:
 
 def _because(effects: Iterable[Effect]) -> str:
     names = {effect.name for effect in effects}
-    same = [words for pair, words in ONE_WITH_TWO_READINGS.items() if pair <= names]
+    same = [words for pair, words in EQUIVALENT_EFFECTS.items() if pair <= names]
     return f" ({'; '.join(same)})" if same else ""

@@ -16,7 +16,7 @@ import numpy as np
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
 from analysis.inference import Fitted
-from analysis.planning.next_shot import NextShot, Reach, as_found_kg, effort, in_order, next_shots
+from analysis.planning.next_shot import NextShot, Reach, effort, in_order, mass_without_weights_kg, next_shots
 from analysis.planning.predictions import blank_shot, information_of, predict, present_information
 from analysis.shot import AnalysisError, Floats
 
@@ -90,7 +90,7 @@ def plan_precision(
     def ratio(shots: Sequence[NextShot]) -> float:
         return _spread(known + sum(each[shot] for shot in shots), row) / before
 
-    on_the_block = samples[-1].moving_mass_kg - as_found_kg(samples)
+    on_the_block = samples[-1].moving_mass_kg - mass_without_weights_kg(samples)
     alone = {shot: ratio((shot,)) for shot in each}
     kept = sorted(alone, key=alone.__getitem__)[:_KEPT]
     sequences: list[tuple[NextShot, ...]] = [(shot,) for shot in alone]

@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.collision import Effect, Infeasible
 from analysis.inference import OWN_NAMES, Course, Fitted, Floor, Point, Problem, Samples, on_site
-from analysis.planning.next_shot import NextShot, as_found_kg, contact_s, on_the_rig
+from analysis.planning.next_shot import NextShot, contact_s, mass_without_weights_kg, on_the_rig
 from analysis.shot import Floats, Stop
 
 _EVALUATIONS = 15
@@ -32,7 +32,7 @@ def blank_shot(shot: NextShot, fitted: Fitted) -> Samples:
         displacement_m=np.zeros(averaged),
         valid=np.ones(averaged, dtype=np.bool_),
         spacing_s=like.spacing_s,
-        moving_mass_kg=as_found_kg(shots) + shot.added_mass_kg,
+        moving_mass_kg=mass_without_weights_kg(shots) + shot.added_mass_kg,
         wavelength_m=like.wavelength_m,
         course=_course(like.course, shot, touching_s),
         white_m=like.white_m,

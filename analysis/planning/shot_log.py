@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
-from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, undecided
+from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, first_indistinguishable
 from analysis.shot import Motion, Progress, Stop
 
 if TYPE_CHECKING:  # these import the whole diagnosis, which a window does not need before it makes a plan
@@ -86,7 +86,7 @@ def plan_next(
     from analysis.planning.model_comparison import compare_models
     from analysis.planning.plan import plan
 
-    done, undecided_now = list(steps), undecided(diagnosis)
+    done, undecided_now = list(steps), first_indistinguishable(diagnosis)
     comparison: ModelComparison | None = None
     if done:
         comparison = compare_models(diagnosis.fit_after, done[-1].members, motions, cancelled)

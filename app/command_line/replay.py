@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 from analysis.collision import Effect
 from analysis.diagnosis import (
     Diagnosis,
-    Foretold,
+    PredictionTest,
     SavedModel,
     Verdict,
     diagnose,
@@ -69,7 +69,7 @@ class _Results:
 
     shots: Sequence[Shot]
     diagnosis: Diagnosis | None
-    prediction: Foretold | None
+    prediction: PredictionTest | None
     planned: PlannedShots | None
     tried: Sequence[Effect]  # effects in the model that no diagnosis found
 
@@ -138,7 +138,7 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) ->
     return found, False
 
 
-def _prediction(shots: Sequence[Shot], known: SavedModel) -> Foretold | None:
+def _prediction(shots: Sequence[Shot], known: SavedModel) -> PredictionTest | None:
     """Return the errors of the model file's predictions; after a failure print one line on stderr, return None."""
     prediction = _or_said(lambda: predicted([shot for shot in shots if not shot.problem], known), "no prediction")
     for shot in prediction.shots if prediction is not None else ():

@@ -7,9 +7,9 @@ import numpy as np
 from analysis.diagnosis import (
     Diagnosis,
     Errors,
-    Foretold,
     FoundEffect,
     LearnedLaw,
+    PredictionTest,
     in_words,
     prediction_words,
     remark_on,
@@ -159,7 +159,7 @@ def _parameters(parameters: Mapping[str, Quantity]) -> str:
     return ", ".join(parts)
 
 
-def prediction_section(prediction: Foretold) -> Markup:
+def prediction_section(prediction: PredictionTest) -> Markup:
     """Return the section on the test of a model file: summary sentence, errors of all shots and of each shot."""
     effects = " + ".join(effect.words for effect in prediction.effects) or "no effect"
     columns: list[tuple[str, Errors]] = [("base alone", prediction.error_base), ("whole model", prediction.error_model)]

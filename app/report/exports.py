@@ -32,7 +32,7 @@ from app.words import cell
 from instrument.files import RecordingError, write_atomic, write_text_atomic
 
 if TYPE_CHECKING:  # would import the fitting code, which the window's process does not need
-    from analysis.diagnosis import Foretold
+    from analysis.diagnosis import PredictionTest
 
 MOTION_COLUMNS = (
     "time_s",
@@ -221,7 +221,7 @@ def law_columns(law: LearnedLaw) -> dict[str, list[float]]:
 KEYS = tuple(field.name for field in fields(Errors))
 
 
-def export_prediction(prediction: "Foretold", folder: Path) -> Path:
+def export_prediction(prediction: "PredictionTest", folder: Path) -> Path:
     """Write ``foretold.csv`` with the errors of a prediction: one row per shot, one for all.  Raises OSError."""
     header = ["name", "took_part", "problem"]
     header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]

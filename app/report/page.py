@@ -4,7 +4,7 @@ from collections.abc import Collection, Sequence
 from datetime import UTC, datetime
 
 from analysis.collision import Effect
-from analysis.diagnosis import Diagnosis, Foretold
+from analysis.diagnosis import Diagnosis, PredictionTest
 from analysis.fitted import readings_model
 from analysis.shot import UNITS, PlotNote, Shot
 from analysis.uncertainty import budget
@@ -25,7 +25,7 @@ def report_of(
     diagnosis: Diagnosis | None = None,
     *,
     made_at: datetime | None = None,
-    prediction: Foretold | None = None,
+    prediction: PredictionTest | None = None,
     tried: Collection[Effect] = (),
     next_shots: str = "",
 ) -> str:

@@ -10,8 +10,8 @@ from analysis.planning import (
     NextShot,
     PlannedStep,
     PlanningState,
-    as_found_kg,
     contact_s,
+    mass_without_weights_kg,
     next_step,
     plan_next,
 )
@@ -141,7 +141,7 @@ def planned_setup(setup: Setup, shot: NextShot, shots: Sequence[Shot]) -> Setup:
     The mass in the settings is not used, because the operator may already have added the weights to it.
     """
     motions = [one.motion for one in shots if one.motion is not None]
-    return replace(setup, moving_mass_kg=as_found_kg(motions) + shot.added_mass_kg)
+    return replace(setup, moving_mass_kg=mass_without_weights_kg(motions) + shot.added_mass_kg)
 
 
 def _switch_m(shots: Sequence[Shot]) -> float:

@@ -16,7 +16,7 @@ from app.words import counted
 from instrument.files import write_text_atomic
 
 if TYPE_CHECKING:
-    from analysis.diagnosis import Foretold
+    from analysis.diagnosis import PredictionTest
 
 
 def refit_shot(shot: Shot, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop) -> Shot:
@@ -108,14 +108,14 @@ def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancel
     return f"{model_words(model)}: {prediction_words(prediction)}{warning}"
 
 
-def predicted(shots: Sequence[Shot], model: SavedModel, cancelled: Stop | None = None) -> "Foretold":
+def predicted(shots: Sequence[Shot], model: SavedModel, cancelled: Stop | None = None) -> "PredictionTest":
     """Return the errors of a saved model's predictions, without refitting it, of these shots.
 
     Raises Cancelled, and AnalysisError if the prediction fails or exceeds its time limit.
     """
-    from analysis.diagnosis import foretell  # slow to import
+    from analysis.diagnosis import evaluate_predictions  # slow to import
 
     seen = [(shot.motion, shot.path or shot.name) for shot in shots if shot.motion is not None]
     motions, names = [motion for motion, _ in seen], [name for _, name in seen]
     seconds = SECONDS * (1 + len(seen))
-    return run_in_time(lambda: foretell(motions, names, model, cancelled), seconds, cancelled)
+    return run_in_time(lambda: evaluate_predictions(motions, names, model, cancelled), seconds, cancelled)

@@ -10,7 +10,7 @@ import pytest
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.prediction_errors import Foretold, foretell
+from analysis.diagnosis.verdict.prediction_errors import PredictionTest, evaluate_predictions
 from analysis.diagnosis.wording import prediction_words
 from analysis.drive.driven_fit import fit_driven
 from analysis.shot.shot import AnalysisError
@@ -105,7 +105,7 @@ def test_the_air_track_foretells_a_run_it_never_saw(measured: Path) -> None:
         motions.append(motion_from_displacement(r.time_s, r.displacement_m, None, None, r.moving_mass_kg, 1e-4))
     found = diagnose(motions[:4], model="contact")
     model = from_text(to_text(saved(found.fit_after, [str(n) for n in range(1, 5)], found)))
-    told = foretell(motions[4:], ["5"], model)
+    told = evaluate_predictions(motions[4:], ["5"], model)
     # the camera alone leaves 40 um; each run's own flights are fitted beside the base as well
     assert told.error_model.displacement_rms_m < 62e-6 < 75e-6 < told.error_base.displacement_rms_m
     assert "foretold better by" in prediction_words(told)
@@ -124,5 +124,5 @@ def test_the_air_track_foretells_a_run_it_never_saw(measured: Path) -> None:
     ],
 )
 def test_the_sentence_has_no_endless_share_and_no_minus_nothing(base: float, model: float, begins: str) -> None:
-    told = Foretold("paper", (), Errors(base, 0.0, 0.0, 1.0), Errors(model, 0.0, 0.0, 1.0), ())
+    told = PredictionTest("paper", (), Errors(base, 0.0, 0.0, 1.0), Errors(model, 0.0, 0.0, 1.0), ())
     assert prediction_words(told).startswith(begins)

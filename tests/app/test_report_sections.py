@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot
+from analysis.diagnosis.verdict.prediction_errors import PredictedShot, PredictionTest
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty import budget, series
 from app.report.diagnosis_section import diagnosis_section, error_rows, prediction_section
@@ -39,12 +39,12 @@ def test_a_predictions_shots_are_in_the_unit_of_their_heading() -> None:
     """900 nm stood under "displacement, rms (µm)" as 900."""
     effects = effects_named(("quadratic_drag",))
     shots = (
-        ForetoldShot("one", False, Errors(9e-7, 1e-4, 2e-2, 50.0), Errors(2e-9, 1e-5, 2e-3, 1.1)),
-        ForetoldShot("two", True, Errors(3e-6, 1e-4, 2e-2, 50.0), Errors(4e-8, 1e-5, 2e-3, 1.2)),
-        ForetoldShot("three", False, None, None, "no impact"),
-        ForetoldShot("four", False, Errors(5e-7, 1e-4, 2e-2, 50.0), None, "not fitted"),
+        PredictedShot("one", False, Errors(9e-7, 1e-4, 2e-2, 50.0), Errors(2e-9, 1e-5, 2e-3, 1.1)),
+        PredictedShot("two", True, Errors(3e-6, 1e-4, 2e-2, 50.0), Errors(4e-8, 1e-5, 2e-3, 1.2)),
+        PredictedShot("three", False, None, None, "no impact"),
+        PredictedShot("four", False, Errors(5e-7, 1e-4, 2e-2, 50.0), None, "not fitted"),
     )
-    told = Foretold("paper", effects, Errors(1.5e-6, 1e-4, 2e-2, 50.0), Errors(3e-8, 1e-5, 2e-3, 1.15), shots)
+    told = PredictionTest("paper", effects, Errors(1.5e-6, 1e-4, 2e-2, 50.0), Errors(3e-8, 1e-5, 2e-3, 1.15), shots)
     page = str(prediction_section(told))
     whole, each = _tables(page)
     assert whole == [

@@ -13,7 +13,7 @@ from analysis.collision import general
 from analysis.collision.laws.own import LawError, from_mapping, known_effect
 from analysis.collision.parameters import PAPER
 from analysis.diagnosis.model_file import from_text
-from analysis.diagnosis.verdict.prediction_errors import foretell
+from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
 from analysis.diagnosis.wording import prediction_words
 from analysis.fitted.fit_time import run_in_time
 from analysis.inference.fit.free_parameters import trial_effects
@@ -144,7 +144,7 @@ def models(folder: Path, random_: random.Random) -> Iterator[Attempt]:
         def attempt(text: str = text) -> str:
             try:
                 known = from_text(text)
-                predicted = run_in_time(lambda: foretell([motion], ["s"], known), 3.0)
+                predicted = run_in_time(lambda: evaluate_predictions([motion], ["s"], known), 3.0)
             except AnalysisError as error:
                 return refused_in_a_line(str(error))
             said = prediction_words(predicted)

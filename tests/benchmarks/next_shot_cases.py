@@ -13,7 +13,7 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.planning.distances import screen_shots
 from analysis.planning.model_comparison import compare_models
-from analysis.planning.next_shot import NextShot, Reach, contact_s, undecided
+from analysis.planning.next_shot import NextShot, Reach, contact_s, first_indistinguishable
 from analysis.planning.shot_log import PlannedStep, next_step, plan_next
 from analysis.shot.motion import Motion
 from tests.bench.blind import Take, Truth, records
@@ -147,7 +147,7 @@ def _needed_at_random(
     To first order; ``MOST_AT_RANDOM`` where so many do not.
     """
     open_class, random = (
-        compare_models(diagnosis.fit_after, undecided(diagnosis), motions),
+        compare_models(diagnosis.fit_after, first_indistinguishable(diagnosis), motions),
         np.random.default_rng((seed, 0x20)),
     )
     assert open_class is not None
@@ -170,7 +170,7 @@ def _motions(truth: Truth) -> tuple[Motion, ...]:
 
 
 def _open(diagnosis: Diagnosis) -> tuple[str, ...]:
-    return tuple(effect.name for effect in undecided(diagnosis))
+    return tuple(effect.name for effect in first_indistinguishable(diagnosis))
 
 
 def _names(diagnosis: Diagnosis) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from analysis.collision import Argument, Infeasible, graded_basis
 from analysis.compiled import side_by_side
-from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, displacements, motions
+from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, displacements, motions
 from analysis.diagnosis.learning.penalised_step import damped, penalised_step
 from analysis.inference import Fitted, Floor, Problem, free_to_move, white_floor
 from analysis.shot import Cancelled, Floats, Stop
@@ -80,34 +80,36 @@ class Learned:
         return self.bic - (self.freedom - len(self.terms)) * math.log(self.samples)
 
 
-def screen(ground: Ground, argument: Argument, pieces: int, stop: Stop, *, steps: int = 7) -> Learned:
+def screen(before_law: FitWithMotions, argument: Argument, pieces: int, stop: Stop, *, steps: int = 7) -> Learned:
     """Fit a curve of ``argument`` in about ``pieces`` pieces to a fit's residual.  Raises Infeasible, Cancelled.
 
     The curvature returned may be that of a point a few steps back.
     """
-    start = ground.fitted
-    low, high = ground.visited(argument)
+    start = before_law.fitted
+    low, high = before_law.visited(argument)
     basis = graded_basis(low, high, pieces)
     term = Term(argument, basis, np.zeros(basis.count))
     problem = start.problem.with_noise(_rough_noise(start))
-    return _fitted(problem, start.z, (term,), stop, steps, ground.beside(term), to_the_end=False)
+    return _fitted(problem, start.z, (term,), stop, steps, before_law.beside(term), to_the_end=False)
 
 
-def likeliest_pairs(ground: Ground, arguments: Sequence[Argument], pieces: int, stop: Stop) -> list[tuple[Term, Term]]:
+def likeliest_pairs(
+    before_law: FitWithMotions, arguments: Sequence[Argument], pieces: int, stop: Stop
+) -> list[tuple[Term, Term]]:
     """Return pairs of zero curves, ranked by the residual that they explain to first order.  Raises Cancelled.
 
     One QR decomposition of the derivatives of all curves reduces the rows to the number of parameters and keeps every
     sum of squares.  The 55 pairs of eleven arguments then take some seconds.
     """
-    start = ground.fitted
+    start = before_law.fitted
     size = start.z.size
     rough = start.problem.with_noise(_rough_noise(start))
 
     def columns(argument: Argument) -> tuple[Term, Floats] | None:
         try:
-            basis = graded_basis(*ground.visited(argument), pieces)
+            basis = graded_basis(*before_law.visited(argument), pieces)
             term = Term(argument, basis, np.zeros(basis.count))
-            both = zip(start.residual_m, ground.beside(term).derivatives, strict=True)
+            both = zip(start.residual_m, before_law.beside(term).derivatives, strict=True)
             return term, _whitened(rough, [np.column_stack([one, j]) for one, j in both])
         except (Infeasible, ValueError):
             return None
@@ -170,7 +172,7 @@ def fit_terms(
 
 
 @dataclass(frozen=True)
-class _Place:
+class _SearchPoint:
     """A point of the search; ``fresh``: its derivatives were computed at this point."""
 
     z: Floats
@@ -187,9 +189,11 @@ class _Place:
         both = zip(self.left_m(problem), self.motions.derivatives, strict=True)
         return _whitened(problem, [np.column_stack([left, j]) for left, j in both])
 
-    def with_derivatives(self, problem: Problem) -> "_Place":
+    def with_derivatives(self, problem: Problem) -> "_SearchPoint":
         """Return this point with derivatives computed at it."""
-        return self if self.fresh else _Place(self.z, self.terms, motions(problem, self.z, self.terms), fresh=True)
+        return (
+            self if self.fresh else _SearchPoint(self.z, self.terms, motions(problem, self.z, self.terms), fresh=True)
+        )
 
 
 def _fitted(
@@ -202,12 +206,12 @@ def _fitted(
     *,
     to_the_end: bool,
 ) -> Learned:
-    here, damping = _Place(z, terms, begin, fresh=True), 0.0
+    here, damping = _SearchPoint(z, terms, begin, fresh=True), 0.0
     for step in range(steps):
         if stop():
             raise Cancelled
         went = _downhill(problem, here, damping)
-        if went.there is None and not here.fresh and went.promised > _SETTLED:
+        if went.there is None and not here.fresh and went.predicted_fall > _SETTLED:
             here = here.with_derivatives(problem)
             went = _downhill(problem, here, damping)
         if went.there is None:
@@ -215,9 +219,9 @@ def _fitted(
         here, damping = went.there, went.damping
         if step >= 1 and problem.data.site is None:
             problem = problem.with_noise(problem.learn_noise(here.left_m(problem), problem.noise)[0])
-        if step >= 2 and went.fell < _SETTLED and damping <= _DAMPINGS[1]:
+        if step >= 2 and went.actual_fall < _SETTLED and damping <= _DAMPINGS[1]:
             break
-        if went.fell < _FAITHFUL * went.promised and went.promised > _SETTLED and step < steps - 1:
+        if went.actual_fall < _FAITHFUL * went.predicted_fall and went.predicted_fall > _SETTLED and step < steps - 1:
             here = here.with_derivatives(problem)
         damping *= _EASING if damping > _DAMPINGS[1] else 0.0
     if to_the_end:
@@ -232,23 +236,23 @@ def _fitted(
     return Learned(problem, here.terms, here.z, left, value, curvature, penalty, freedom)
 
 
-class _Went(NamedTuple):
+class _StepResult(NamedTuple):
     """The point a step reached, if any; its damping; the fall of penalised chi^2, actual and predicted."""
 
-    there: _Place | None
+    there: _SearchPoint | None
     damping: float
-    fell: float
-    promised: float
+    actual_fall: float
+    predicted_fall: float
 
 
-def _downhill(problem: Problem, here: _Place, damping: float) -> _Went:
+def _downhill(problem: Problem, here: _SearchPoint, damping: float) -> _StepResult:
     rows, size, (low, high) = here.rows(problem), here.z.size, problem.bounds
     free = free_to_move(here.z, -rows[:, 1 : 1 + size].T @ rows[:, 0], low, high)
     rows[:, 1 + np.flatnonzero(~free)] = 0.0  # parameters that descent pushes against their bounds stay there
     moves, penalty, _ = penalised_step(rows, size, here.terms)
     chi2 = _penalised(rows[:, 0], here.terms, penalty)
 
-    def promised(by: Floats) -> float:
+    def predicted_fall(by: Floats) -> float:
         return chi2 - _penalised(rows[:, 0] - rows[:, 1:] @ by, _moved(here.terms, by[size:]), penalty)
 
     for trial in (d for d in _DAMPINGS if d >= damping):
@@ -259,14 +263,14 @@ def _downhill(problem: Problem, here: _Place, damping: float) -> _Went:
         by = np.concatenate([z - here.z, by[size:]])
         try:
             shown = displacements(problem, z, terms)
-            there = _Place(z, terms, Motions(shown, here.motions.derivatives), fresh=False)
+            there = _SearchPoint(z, terms, Motions(shown, here.motions.derivatives), fresh=False)
             left = _whitened(problem, [x[:, None] for x in there.left_m(problem)])[:, 0]
         except Infeasible:
             continue
-        fell = chi2 - _penalised(left, terms, penalty)
-        if fell > 0.0:
-            return _Went(there, trial, fell, promised(by))
-    return _Went(None, damping, 0.0, promised(moves))
+        actual_fall = chi2 - _penalised(left, terms, penalty)
+        if actual_fall > 0.0:
+            return _StepResult(there, trial, actual_fall, predicted_fall(by))
+    return _StepResult(None, damping, 0.0, predicted_fall(moves))
 
 
 def _moved(terms: tuple[Term, ...], by: Floats) -> tuple[Term, ...]:

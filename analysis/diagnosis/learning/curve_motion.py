@@ -51,7 +51,7 @@ class Motions:
 
 
 @dataclass(frozen=True)
-class Ground:
+class FitWithMotions:
     """A fit to which laws are added, with its motions and paths: they are the same for every law that is still zero."""
 
     fitted: Fitted
@@ -76,7 +76,7 @@ class Ground:
         return Motions(self.motions.displacement_m, tuple(columns))
 
 
-def ground_of(fitted: Fitted) -> Ground:
+def fit_with_motions(fitted: Fitted) -> FitWithMotions:
     """Return a fit, with its motions and paths, as the ground to which laws are added.
 
     On a moving frame the fit is repeated under the noise of the flights: strengths learnt from the residual have
@@ -88,7 +88,7 @@ def ground_of(fitted: Fitted) -> Ground:
     lines = problem.derivatives(fitted.z)
     paths = [_path(problem, fitted.point, (), index) for index in range(len(problem.data.shots))]
     tangents = tuple(_spread(problem, index, j) for index, (_, j) in enumerate(lines))
-    return Ground(fitted, Motions(tuple(x for x, _ in lines), tangents), tuple(paths))
+    return FitWithMotions(fitted, Motions(tuple(x for x, _ in lines), tangents), tuple(paths))
 
 
 def displacements(problem: Problem, z: Floats, terms: Sequence[Term]) -> tuple[Floats, ...]:

@@ -19,7 +19,7 @@ from analysis.collision import ARGUMENTS, Argument, Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import Fitting, likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
-from analysis.diagnosis.learning.curve_motion import ground_of
+from analysis.diagnosis.learning.curve_motion import fit_with_motions
 from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned
 from analysis.diagnosis.result import LearnedLaw
@@ -117,7 +117,7 @@ def learn_law(
         return None
     rest = residual_of(best, best.linearise())
     before, after = (predict(f, held, best.noise, stop) for f in (start, best))
-    if before is None or after is None or not after.earns_a_name(before):
+    if before is None or after is None or not after.predicts_significantly_better(before):
         return None
     named = _meets(fits[0], curves)
     return Discovery(start, (as_learned(start, fits, named, after, held),), best, rest, (before, after))
@@ -154,7 +154,7 @@ def rough_curves(
     known = (beside.where, beside.argument) if beside is not None else None
     arguments = [a for a in arguments_of(start) if (a.where, a.name) != known and where in ("", a.where)]
     try:
-        ground = ground_of(start)
+        before_law = fit_with_motions(start)
     except Infeasible:  # the missing law made the fitted contact too stiff to compute paths
         return []
 
@@ -163,7 +163,7 @@ def rough_curves(
             raise Cancelled
         tell(f"trying a force of the {argument.name}", 0.8)
         try:
-            return screen(ground, argument, FIRST_PIECES, stop, steps=steps)
+            return screen(before_law, argument, FIRST_PIECES, stop, steps=steps)
         except (Infeasible, ValueError, np.linalg.LinAlgError):
             return None
 

@@ -22,7 +22,7 @@ from analysis.shot import Progress, Quantity, Stop
 
 
 @dataclass(frozen=True, slots=True)
-class Beyond:
+class LawExplanation:
     """Laws jointly with effects, or effects that only predict better, and the fit that contains them.
 
     ``imitations`` are effects of that fit which did not pass every gate.  ``predictions`` are of the validation shots,
@@ -40,7 +40,7 @@ class Beyond:
 
 def beyond_catalogue(
     alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], *, beat: float = math.inf
-) -> Beyond | None:
+) -> LawExplanation | None:
     """Return the likeliest laws or effects that predict the validation shots better, or None where there are none.
 
     ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Tried in turn, until one explains
@@ -56,7 +56,9 @@ def beyond_catalogue(
     return min(found, key=lambda one: one.fitted.bic, default=None)
 
 
-def _in_turn(alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], beat: float) -> Iterator[Beyond]:
+def _in_turn(
+    alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], beat: float
+) -> Iterator[LawExplanation]:
     before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
     helped = _helps(before, nearest, held, stop)
     instead = beat
@@ -79,10 +81,10 @@ def _in_turn(alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], 
     if joined is not None:
         yield _together(joined, effects, helped[0], held, stop, passed=False)
     verdict = conclude(explained=False, effects=(), predicts_better=True)
-    yield Beyond(nearest, verdict, [], (), helped, rest, tuple(effects))
+    yield LawExplanation(nearest, verdict, [], (), helped, rest, tuple(effects))
 
 
-def beside(
+def learn_laws_given_effects(
     named: Fitted,
     effects: Sequence[FoundEffect],
     before: Fitted,
@@ -92,7 +94,7 @@ def beside(
     limit: Limit,
     *,
     beat: float = math.inf,
-) -> Beyond | None:
+) -> LawExplanation | None:
     """Learn laws jointly with ``effects`` that passed every test and left a residual; None where there are none.
 
     ``named`` is the fit with those effects, ``before`` that of the base model.
@@ -106,9 +108,9 @@ def beside(
     return _together(found, effects, base, held, stop, passed=True)
 
 
-def _alone(found: Discovery) -> Beyond:
+def _alone(found: Discovery) -> LawExplanation:
     verdict = conclude(explained=found.explains, effects=(), laws=found.laws)
-    return Beyond(found.fitted, verdict, [], found.laws, found.predictions, found.residual)
+    return LawExplanation(found.fitted, verdict, [], found.laws, found.predictions, found.residual)
 
 
 def _together(
@@ -119,7 +121,7 @@ def _together(
     stop: Stop,
     *,
     passed: bool,
-) -> Beyond:
+) -> LawExplanation:
     """Return laws and effects with the parameters of their joint fit, not of the fit before the law was found.
 
     An effect that only imitated the law no longer pays given the law, and is removed.  Effects that had not ``passed``
@@ -143,7 +145,7 @@ def _together(
     anew = [_anew(one, parameters[one.effect], fitted, at, fewer[one.effect]) for one in kept]
     named, imitations = (anew, []) if passed or explains else ([], anew)
     verdict = conclude(explained=explains, effects=named, laws=laws)
-    return Beyond(fitted, verdict, named, laws, (base, told), rest, imitations)
+    return LawExplanation(fitted, verdict, named, laws, (base, told), rest, imitations)
 
 
 def _worth(fitted: Fitted, fewer: Fitted | None) -> float:
@@ -166,4 +168,6 @@ def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -
     if nearest is before or not held or not nearest.converged:
         return None
     first, told = (predict(fitted, held, nearest.noise, stop) for fitted in (before, nearest))
-    return (first, told) if first is not None and told is not None and told.earns_a_name(first) else None
+    return (
+        (first, told) if first is not None and told is not None and told.predicts_significantly_better(first) else None
+    )

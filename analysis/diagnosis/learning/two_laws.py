@@ -13,7 +13,7 @@ from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
-from analysis.diagnosis.learning.curve_motion import Term, ground_of
+from analysis.diagnosis.learning.curve_motion import Term, fit_with_motions
 from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
 from analysis.diagnosis.learning.law_learning import (
     FIRST_PIECES,
@@ -155,7 +155,7 @@ def _judged(
     if any(one is not None and fitted.bic > one.bic - CRITERIA.law_fall for one in fewer):
         return None
     before, after = (predict(one, held, fitted.noise, stop) for one in (start, fitted))
-    if before is None or after is None or not after.beats(before):
+    if before is None or after is None or not after.predicts_better(before):
         return None
     return fewer, (before, after)
 
@@ -167,7 +167,7 @@ def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> list[Lea
     are nearly the same in contact, and only one of them has a short form.  [] where there are none, or none whose
     closed forms may come below the BIC ``beat``.
     """
-    pairs = likeliest_pairs(ground_of(start), arguments_of(start), FIRST_PIECES, stop)[:_PAIRS]
+    pairs = likeliest_pairs(fit_with_motions(start), arguments_of(start), FIRST_PIECES, stop)[:_PAIRS]
 
     def fitted(terms: tuple[Term, Term]) -> Learned | None:
         try:

@@ -132,7 +132,7 @@ def explore(
     return climb(start, trail, most), trail
 
 
-def another_way(best: Fitted, trail: Trail, most: int = OTHER_FIRSTS) -> Fitted:
+def restart_from_other_effects(best: Fitted, trail: Trail, most: int = OTHER_FIRSTS) -> Fitted:
     """Restart the search from ``most`` other first effects: two correlated effects can imitate a third."""
     firsts = [fitted for fitted in trail.alone() if not set(fitted.effects) <= set(best.effects)][:most]
     ends = [climb(polish(first, trail, from_white=True), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]

@@ -37,7 +37,7 @@ from analysis.shot import Progress, Stop
 
 
 @dataclass(frozen=True)
-class Searched:
+class SearchResult:
     """The best fit under one noise model, the trail that led to it, and the catalogue that was searched.
 
     ``rounds`` is the number of rounds left out; each might have added one effect.
@@ -58,13 +58,13 @@ class Searched:
         """Get whether the best fit leaves more than noise, and more than a trace that no effect explains."""
         return leaves_something(self.residual, nothing_pays=self.trail.nothing_pays)
 
-    def to_the_end(self) -> "Searched":
+    def to_the_end(self) -> "SearchResult":
         """Return the search after the rounds that were left out, where there is a residual to explain."""
         if not self.rounds or not self.residual.significant:
             return self
-        return Searched(climb(self.best, self.trail, self.rounds), self.trail, self.catalogue)
+        return SearchResult(climb(self.best, self.trail, self.rounds), self.trail, self.catalogue)
 
-    def with_pairs(self) -> "Searched":
+    def with_pairs(self) -> "SearchResult":
         """Return the search with the best pair of effects not yet tried jointly, where that is likelier."""
         pair = self.trail.within("two effects that hide each other", lambda: paired(self.trail), None)
         return self if pair is None or pair.bic >= self.best.bic else replace(self, best=pair)
@@ -82,7 +82,7 @@ class Search:
     stop: Stop
     limit: Limit | None = None
 
-    def under(self, site: Site | None, *, most: int = CRITERIA.most_effects, beat: float = math.inf) -> Searched:
+    def under(self, site: Site | None, *, most: int = CRITERIA.most_effects, beat: float = math.inf) -> SearchResult:
         """Search under one noise model for at most ``most`` effects; frame motion belongs to ``site``, not to effects.
 
         A search that cannot come below ``beat``, the BIC of a likelier search, is not continued.
@@ -118,7 +118,7 @@ class Search:
             if in_time and not own_needed:
                 best, trail = plain, plain_trail
         added = len(trail.added(best))
-        return Searched(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)
+        return SearchResult(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)
 
     def base_at_rest(self) -> Fitted:
         """Return the base model's fit without frame motion.  Raises AnalysisError where there is none."""

@@ -18,8 +18,8 @@ from analysis.diagnosis.search.forward_selection import (
     FIRSTS_IN_WANDER,
     OTHER_FIRSTS,
     Trail,
-    another_way,
     better,
+    restart_from_other_effects,
     without,
 )
 from analysis.diagnosis.time_limit import Limit
@@ -52,13 +52,15 @@ def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tu
             break
         fewer = [one for effect in added if (one := without(best, effect, trail)) is not None]
         shorter = side_by_side(lambda one: (one, predict(one, held_out, floor, trail.stop)), fewer)
-        no_worse = [(one.bic, one) for one, of_it in shorter if of_it is not None and not prediction.beats(of_it)]
+        no_worse = [
+            (one.bic, one) for one, of_it in shorter if of_it is not None and not prediction.predicts_better(of_it)
+        ]
         if not no_worse:
             break
         best = min(no_worse, key=lambda pair: pair[0])[1]
     else:
         return before, (first, first) if first is not None else None
-    return (best, (first, prediction)) if prediction.earns_a_name(first) else (before, (first, first))
+    return (best, (first, prediction)) if prediction.predicts_significantly_better(first) else (before, (first, first))
 
 
 def without_faint_effects(best: Fitted, trail: Trail) -> tuple[Fitted, Linearised]:
@@ -111,11 +113,11 @@ def _pass(effects: list[FoundEffect], residual: Residual, best: Fitted) -> bool:
 def clear(effect: FoundEffect, residual: Residual, times: float) -> bool:
     """Return whether an effect is ``times`` as large as the residual, with few enough look-alikes to form a class."""
     few = len(effect.indistinguishable_from) <= CRITERIA.undetermined
-    return few and effect.evidence["snr"] > times * residual.missed
+    return few and effect.evidence["snr"] > times * residual.unexplained_norms
 
 
 @dataclass(frozen=True, slots=True)
-class Settled:
+class GatedFit:
     """A fit whose effects passed the gates so far, its linearisation, separations from look-alikes, and residual.
 
     ``predictions`` of the validation shots are by the model before and by the fit ``predicted``.
@@ -129,7 +131,7 @@ class Settled:
     predicted: Fitted
 
     @classmethod
-    def nothing(cls, start: Fitted, linearised: Linearised) -> "Settled":
+    def nothing(cls, start: Fitted, linearised: Linearised) -> "GatedFit":
         """Return the start of a search as the settled fit, without any effect that the search found."""
         return cls(start, linearised, {}, residual_of(start, linearised), None, start)
 
@@ -141,7 +143,7 @@ def settle(
     progress: Progress,
     limit: Limit,
     residual: Residual | None = None,
-) -> Settled:
+) -> GatedFit:
     """Pass ``best`` through the gates; where that leaves a residual, restart from other first effects.
 
     Restart also where the noise wanders in contact but not in flight: that wander may be a further effect.  The better
@@ -155,7 +157,7 @@ def settle(
     progress("searching from other first effects", 0.75)
     timed = replace(trail, stop=limit)
     what = "the search from other first effects"
-    other = limit.within(what, lambda: another_way(settled.best, timed, firsts), settled.best)
+    other = limit.within(what, lambda: restart_from_other_effects(settled.best, timed, firsts), settled.best)
     if not better(other, settled.best):
         return settled
     again = _settled(other, trail, held_out, lambda _what, _fraction: None)
@@ -165,7 +167,7 @@ def settle(
 
 def _settled(
     best: Fitted, trail: Trail, held_out: tuple[int, ...], progress: Progress, known: Residual | None = None
-) -> Settled:
+) -> GatedFit:
     progress("predicting a held-out shot", 0.55)
     given = best
     predicted, predictions = keep_predictive(best, held_out, trail)
@@ -174,7 +176,7 @@ def _settled(
         if predictions is None:
             return True
         prediction = predict(other, held_out, predicted.noise, trail.stop)
-        return prediction is not None and prediction.earns_a_name(predictions[0])
+        return prediction is not None and prediction.predicts_significantly_better(predictions[0])
 
     progress("testing the residual", 0.7)
     best, linearised = without_faint_effects(predicted, trail)
@@ -186,5 +188,5 @@ def _settled(
     if residual.significant and best is not trail.start:
         other, of_other, left = alternative_without_misfit(best, linearised, residual, trail, predicts)
         if other is not best:
-            return Settled(other, of_other, separations_of(other, of_other, trail), left, predictions, predicted)
-    return Settled(best, linearised, separations, residual, predictions, predicted)
+            return GatedFit(other, of_other, separations_of(other, of_other, trail), left, predictions, predicted)
+    return GatedFit(best, linearised, separations, residual, predictions, predicted)

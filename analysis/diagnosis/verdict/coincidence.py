@@ -20,17 +20,17 @@ _ROUNDS = 300  # of expectation maximisation; microseconds each
 
 
 @dataclass(frozen=True, slots=True)
-class Unforetold:
+class PerShotCost:
     """The cost, in ``nats`` of ln L, of per-shot parameters that no model predicts.
 
-    ``scatter`` is the prior's width for each parameter of one shot, in the shot's order and the vector's units.
+    ``prior_width`` is the prior's width for each parameter of one shot, in the shot's order and the vector's units.
     """
 
     nats: float
-    scatter: Floats
+    prior_width: Floats
 
 
-def unforetold(fitted: Fitted, effect: Effect) -> Unforetold | None:
+def per_shot_cost(fitted: Fitted, effect: Effect) -> PerShotCost | None:
     """Return the cost of one effect's per-shot parameters in a fit; None where the data do not determine them."""
     free = fitted.problem.free_parameters
     places = [fitted.problem.offset + k for k, (one, _, _) in enumerate(free) if one == effect]
@@ -52,10 +52,10 @@ def unforetold(fitted: Fitted, effect: Effect) -> Unforetold | None:
         variance = np.bincount(kinds, likely) / count
     spread = known + np.diag(variance[kinds])
     nats = 0.5 * (np.linalg.slogdet(spread)[1] - np.linalg.slogdet(known)[1] + here @ np.linalg.solve(spread, here))
-    return Unforetold(float(nats), np.sqrt(variance) * of_kind)
+    return PerShotCost(float(nats), np.sqrt(variance) * of_kind)
 
 
-def by_chance(rival: Fitted | None, effect: Effect, best: Fitted, instead: Effect) -> bool:
+def imitates_by_coincidence(rival: Fitted | None, effect: Effect, best: Fitted, instead: Effect) -> bool:
     """Return whether ``effect`` of a rival fit imitates ``instead`` of the best fit only by coincidence.
 
     That holds where all parameters of ``effect`` and not all of ``instead`` are fitted per shot, and ``instead`` makes
@@ -63,7 +63,7 @@ def by_chance(rival: Fitted | None, effect: Effect, best: Fitted, instead: Effec
     """
     if rival is None or not effect.own or instead.own:
         return False
-    theirs, ours = unforetold(rival, effect), unforetold(best, instead)
+    theirs, ours = per_shot_cost(rival, effect), per_shot_cost(best, instead)
     if theirs is None or ours is None:
         return False
     less_likely = 2 * (theirs.nats - ours.nats) + rival.chi2(best.noise) - best.chi2(best.noise)

@@ -25,30 +25,32 @@ def _beside_noise(difference: Floats) -> float:
 class Prediction:
     """Validation shots as predicted from the others: displacements on the motions' grids.
 
-    ``surprise`` is -2 ln of the likelihood of the measured shots under their predictions, up to a constant, summed over
+    ``minus_2_ln_likelihood`` is that of the measured shots under their predictions, up to a constant, summed over
     these shots.  ``rms_m`` is the prediction error (averaged samples, the frame's most likely motion subtracted);
     ``left`` is the error in units of the noise, shape (n,).  ``squared`` returns chi^2 of a difference in these units,
     given the noise and the uncertainty that the other shots leave.
     """
 
     displacement_m: tuple[Floats, ...]
-    surprise: float
+    minus_2_ln_likelihood: float
     rms_m: float
     left: Floats
     squared: Callable[[Floats], float] = _beside_noise
 
-    def beats(self, other: "Prediction") -> bool:
+    def predicts_better(self, other: "Prediction") -> bool:
         """Return whether this prediction is better: likelier, and with no larger rms error (``further_off``)."""
-        return self.surprise < other.surprise and self.rms_m < CRITERIA.further_off * other.rms_m
+        return (
+            self.minus_2_ln_likelihood < other.minus_2_ln_likelihood and self.rms_m < CRITERIA.further_off * other.rms_m
+        )
 
-    def earns_a_name(self, before: "Prediction") -> bool:
+    def predicts_significantly_better(self, before: "Prediction") -> bool:
         """Return whether this predicts better than the model ``before`` by more than chance scatters that.
 
-        If the noise is as assumed, two predictions that differ by d differ in surprise by |d|^2 with a standard
+        If the noise is as assumed, two predictions that differ by d differ in -2 ln L by |d|^2 with a standard
         deviation of 2 |d|.  Here |d| is taken given all uncertainty of ``before``, within which d adds no scatter.
         """
         scatter = 2.0 * math.sqrt(max(before.squared(self.left - before.left), 0.0))
-        return self.beats(before) and before.surprise - self.surprise > scatter
+        return self.predicts_better(before) and before.minus_2_ln_likelihood - self.minus_2_ln_likelihood > scatter
 
 
 def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
@@ -85,7 +87,7 @@ def predict(fitted: Fitted, held: tuple[int, ...], floor: Floor, stop: Stop) -> 
 
     return Prediction(
         tuple(shown for one in told for shown in one.displacement_m),
-        sum(one.surprise for one in told),
+        sum(one.minus_2_ln_likelihood for one in told),
         float(np.sqrt(sum(one.left.size * one.rms_m**2 for one in told) / edges[-1])),
         np.concatenate([one.left for one in told]),
         squared,
@@ -110,7 +112,7 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
         end = found.square
         assert end.residual is not None and end.pull is not None
         known = None if covariance is None else covariance[np.ix_(learnt_at, learnt_at)]
-        left_open = _Open.of(end.curvature, shared, known)
+        uncertainty = _PredictionUncertainty.of(end.curvature, shared, known)
         shown = one.full(one.unpack(found.parameters))[0]
         measured = fitted.problem.data.shots[held]
         off = measured.displacement_m - measured.averaged(shown)
@@ -118,10 +120,10 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
         paid = sum(shot >= 0 for _, _, shot in one.free_parameters) * np.log(end.samples)
         return Prediction(
             (shown,),
-            left_open.chi2(end.chi2, end.gradient) + left_open.log_volume + float(paid),
+            uncertainty.chi2(end.chi2, end.gradient) + uncertainty.log_volume + float(paid),
             float(np.sqrt(np.mean(off**2))),
             end.residual,
-            partial(_beside, left_open, end.pull),
+            partial(_beside, uncertainty, end.pull),
         )
     except (Infeasible, np.linalg.LinAlgError):
         return None
@@ -164,7 +166,7 @@ def _of(fitted: Fitted, shots: list[int]) -> tuple[Problem, Floats, list[int]]:
 
 
 @dataclass(frozen=True, slots=True)
-class _Open:
+class _PredictionUncertainty:
     """The uncertainty that the other shots leave in a validation shot, integrated out of its likelihood.
 
     Uncertain shared parameters make the shot less predictable, not the model wrong.  The likelihood is therefore that
@@ -177,7 +179,7 @@ class _Open:
     log_volume: float
 
     @classmethod
-    def of(cls, curvature: Floats, shared: list[int], covariance: Floats | None) -> "_Open":
+    def of(cls, curvature: Floats, shared: list[int], covariance: Floats | None) -> "_PredictionUncertainty":
         """Return the uncertainty for a ``covariance`` of the shared parameters; None: as if known exactly."""
         size = len(curvature)
         if covariance is None:
@@ -197,5 +199,5 @@ class _Open:
         return float(plain - along @ np.linalg.solve(self.both, along))
 
 
-def _beside(left_open: _Open, pull: Callable[[Floats], Floats], difference: Floats) -> float:
-    return left_open.chi2(float(difference @ difference), pull(difference))
+def _beside(uncertainty: _PredictionUncertainty, pull: Callable[[Floats], Floats], difference: Floats) -> float:
+    return uncertainty.chi2(float(difference @ difference), pull(difference))

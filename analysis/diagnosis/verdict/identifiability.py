@@ -31,7 +31,7 @@ class Separation:
         return tuple(other for other, distance in near if distance < CRITERIA.separation + remainder)
 
 
-def beside(fitted: Fitted, at: Linearised, effect: Effect) -> Linearised:
+def isolated_effect(fitted: Fitted, at: Linearised, effect: Effect) -> Linearised:
     """Return a linearised fit with ``left`` replaced by the part of one effect that no other parameter can absorb."""
     problem = fitted.problem
     own = [problem.offset + k for k, (of, _, _) in enumerate(problem.free_parameters) if of == effect]
@@ -49,7 +49,7 @@ def beside(fitted: Fitted, at: Linearised, effect: Effect) -> Linearised:
 
 def snr(fitted: Fitted, at: Linearised, effect: Effect) -> float:
     """Return the size of the part of one effect that no other parameter can absorb, in units of the noise."""
-    return float(np.linalg.norm(beside(fitted, at, effect).left))
+    return float(np.linalg.norm(isolated_effect(fitted, at, effect).left))
 
 
 def missed_without(fitted: Fitted, fewer: Fitted | None) -> float:
@@ -70,7 +70,7 @@ def separation(
 
     Raises Cancelled.
     """
-    alone = beside(fitted, at, effect)
+    alone = isolated_effect(fitted, at, effect)
     whole = float(alone.left @ alone.left)
     others = [k for k in catalogue if k.effect not in fitted.effects]
     distance = {kind.effect: float(np.sqrt(whole)) for kind in others}

@@ -5,14 +5,14 @@ import math
 from analysis.collision import Effect
 from analysis.diagnosis.search.competing_models import fitted_instead
 from analysis.diagnosis.search.forward_selection import Trail, without
-from analysis.diagnosis.verdict.coincidence import by_chance
+from analysis.diagnosis.verdict.coincidence import imitates_by_coincidence
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference import Fitted
 
 
-def other_names(
+def indistinguishable_effects(
     best: Fitted, effect: Effect, remainder: Residual, far: Separation, trail: Trail
 ) -> tuple[tuple[Effect, ...], float | None]:
     """Return the effects that may be meant instead of one of a fit, and its lead in BIC over the best of them.
@@ -37,7 +37,7 @@ def other_names(
         others = [
             other
             for other in others
-            if not by_chance(trail.of((*kept, other)), other, best, effect)
+            if not imitates_by_coincidence(trail.of((*kept, other)), other, best, effect)
             and not _falls_behind(best, effect, other, trail.of((*kept, other)), far, trail)
         ]
     return tuple(others), lead if math.isfinite(lead) else None

@@ -32,7 +32,7 @@ OWN = 3  # v_in, touch and offset: the parameters fitted to the shot itself
 
 
 @dataclass(frozen=True, slots=True)
-class ForetoldShot:
+class PredictedShot:
     """One shot: the errors of the base and of the whole model, or why neither could be tested."""
 
     name: str
@@ -43,17 +43,19 @@ class ForetoldShot:
 
 
 @dataclass(frozen=True, slots=True)
-class Foretold:
+class PredictionTest:
     """The test of a saved model: errors of base and model for all shots together, and each shot."""
 
     model: str
     effects: tuple[Effect, ...]
     error_base: Errors
     error_model: Errors
-    shots: tuple[ForetoldShot, ...]
+    shots: tuple[PredictedShot, ...]
 
 
-def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel, stop: Stop | None = None) -> Foretold:
+def evaluate_predictions(
+    motions: Sequence[Motion], names: Sequence[str], model: SavedModel, stop: Stop | None = None
+) -> PredictionTest:
     """Return the errors of ``model`` and of its base in predicting ``motions``, with shots' ``names`` in that order.
 
     Every saved parameter is fixed.  Only a shot's speed, touch and offset (a drive's constant force), and its flights'
@@ -73,11 +75,11 @@ def foretell(motions: Sequence[Motion], names: Sequence[str], model: SavedModel,
         took_part = name in model.shots
         try:
             bare, whole = one(motion, *_on_its_plate(motion, model, base))
-            told.append(ForetoldShot(name, took_part, bare, whole))
+            told.append(PredictedShot(name, took_part, bare, whole))
         except (AnalysisError, Infeasible, np.linalg.LinAlgError) as error:
-            told.append(ForetoldShot(name, took_part, None, None, in_words(error)))
+            told.append(PredictedShot(name, took_part, None, None, in_words(error)))
     bare, whole = _all(told, "error_base"), _all(told, "error_model")
-    return Foretold(model.base, model.effects, bare, whole, tuple(told))
+    return PredictionTest(model.base, model.effects, bare, whole, tuple(told))
 
 
 def _on_its_plate(motion: Motion, model: SavedModel, base: Parameters) -> tuple[SavedModel, Parameters]:
@@ -95,7 +97,7 @@ def _on_its_plate(motion: Motion, model: SavedModel, base: Parameters) -> tuple[
     return replace(model, parameters=mine), of_base
 
 
-def _all(shots: Sequence[ForetoldShot], which: str) -> Errors:
+def _all(shots: Sequence[PredictedShot], which: str) -> Errors:
     """Return the errors of all shots together, with equal weight for every shot."""
     seen = [asdict(getattr(shot, which)) for shot in shots if getattr(shot, which) is not None]
     if not seen:

@@ -38,7 +38,7 @@ class Residual:
     samples: int = 1
 
     @property
-    def missed(self) -> float:
+    def unexplained_norms(self) -> float:
         """Get the size of the significant part, shared shape or misfit, in units of the noise."""
         return max(self.size, self.misfit.size if self.misfitting else 0.0)
 

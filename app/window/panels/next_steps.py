@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words, remark_on
-from analysis.planning import NextShot, PlannedStep, PlanningState, undecided
+from analysis.planning import NextShot, PlannedStep, PlanningState, first_indistinguishable
 from app.window.widgets import FlowLayout, clear_layout, push_button, text_label, vertical
 from app.words import local_words
 
@@ -98,7 +98,7 @@ class NextShotCard(QFrame):
         self, diagnosis: Diagnosis | None, state: PlanningState | None, waited_for: NextShot | None, sets_itself: bool
     ) -> None:
         """Show the plan for a diagnosed set; ``sets_itself``: the program sets speed and weights of this source."""
-        left_open = diagnosis is not None and bool(undecided(diagnosis))
+        left_open = diagnosis is not None and bool(first_indistinguishable(diagnosis))
         self.setVisible(left_open or (state is not None and bool(state.steps)))
         planned = state.plan if state is not None else None
         can_take = planned is not None and planned.settles and waited_for is None

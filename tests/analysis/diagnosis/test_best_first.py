@@ -20,7 +20,7 @@ class Over:
 
     seconds = 7.0
 
-    def __init__(self, question: "Question") -> None:
+    def __init__(self, question: "DiagnosisInput") -> None:
         self._question = question
 
     def __call__(self) -> bool:
@@ -28,7 +28,7 @@ class Over:
         return self._question.over
 
 
-class Question:
+class DiagnosisInput:
     """A question whose time is over or not, of shots in a building or at rest."""
 
     motions, shots, begin, catalogue, accepted, stop = "motions", "shots", "begin", "catalogue", "accepted", "stop"
@@ -38,7 +38,7 @@ class Question:
         self.limit: Any = Over(self)
         self.progress = self.told.append
 
-    def one_law_beside(self, start: Any) -> Any:
+    def single_law_given(self, start: Any) -> Any:
         """Return the law that may be missing beside a fit."""
         return SimpleNamespace(beside=start, held=("held", start))
 
@@ -74,7 +74,7 @@ def branch(
 def searching(
     building: Branch | None, rest: Branch | None, question: Any = None, *, without_site: bool = False
 ) -> BestFirst:
-    found = BestFirst(question or Question())
+    found = BestFirst(question or DiagnosisInput())
     found._in_building, found._at_rest = building, rest
     like: Any = SimpleNamespace(likelier_without_site=lambda best: without_site)
     found._search = like
@@ -89,7 +89,7 @@ def next_step(*given: Any, **more: Any) -> tuple[str, tuple[Any, ...]]:
 
 def test_a_search_begins_in_a_building_where_there_is_one_and_else_at_rest() -> None:
     assert next_step(None, None) == ("_search_in_building", ())
-    assert next_step(None, None, Question(None)) == ("_search_at_rest", ())
+    assert next_step(None, None, DiagnosisInput(None)) == ("_search_at_rest", ())
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_in_a_building_the_cheap_comes_before_the_dear_and_the_other_noise_last(
     given = {"_end_with": (building.named,), "_try_one_law_instead": (building, building), "_search_at_rest": ()}
     assert next_step(building, None) == (step, given.get(step, (building,)))
     ends = step in ("_name", "_end_with")  # which takes no time
-    assert next_step(building, None, Question(over=True)) == (
+    assert next_step(building, None, DiagnosisInput(over=True)) == (
         step if ends else "_complete",
         given.get(step, (building,)) if ends else (building,),
     )
@@ -117,7 +117,7 @@ def test_in_a_building_the_cheap_comes_before_the_dear_and_the_other_noise_last(
 def test_what_is_explained_in_a_building_but_likelier_at_rest_is_searched_at_rest_while_there_is_time() -> None:
     building = branch(0.0, left=False, tried=False, named=EXPLAINED)
     assert next_step(building, None, without_site=True) == ("_search_at_rest", ())
-    assert next_step(building, None, Question(over=True), without_site=True) == ("_complete", (building,))
+    assert next_step(building, None, DiagnosisInput(over=True), without_site=True) == ("_complete", (building,))
 
 
 @pytest.mark.parametrize(("promised", "hides"), [(-28.1, True), (-27.9, False)])
@@ -125,14 +125,14 @@ def test_a_building_that_explains_all_by_itself_is_asked_for_one_law_that_it_hid
     promised: float, hides: bool
 ) -> None:
     """A step of a curve at rest promises to come to a criterion; the building's is 0, and a law must bring 28."""
-    question: Any = Question()
+    question: Any = DiagnosisInput()
     asked: list[float] = []
 
     def reaches(beat: float) -> bool:
         asked.append(beat)
         return promised < beat
 
-    question.one_law_beside = lambda start: SimpleNamespace(of=start, in_flight_may_reach=reaches)
+    question.single_law_given = lambda start: SimpleNamespace(of=start, in_flight_may_reach=reaches)
     building = branch(0.0, left=False, named=EXPLAINED, effects=())
     search = searching(building, None, question)
     search._search.base_at_rest = lambda: "at rest"  # type: ignore[method-assign, assignment]
@@ -176,7 +176,7 @@ def test_a_building_that_explains_all_by_itself_is_asked_for_one_law_that_it_hid
     ],
 )  # fmt: skip
 def test_of_two_branches_the_likelier_is_carried_on(building: Branch | None, rest: Branch, step: str, of: str) -> None:
-    question = Question(None if building is None else "site")
+    question = DiagnosisInput(None if building is None else "site")
     args = tuple(eval(one, {"building": building, "rest": rest}) for one in of.split())
     assert next_step(building, rest, question) == (step, args)
     question.over = True
@@ -209,7 +209,7 @@ def test_each_noise_is_searched_for_what_may_still_win() -> None:
         asked.append((site, more))
         return branch(5.0).searched
 
-    found = BestFirst(Question())
+    found = BestFirst(DiagnosisInput())
     assert (found._search.shots, found._search.given, found._search.catalogue) == ("shots", "begin", "catalogue")
     assert (found._search.accepted, found._search.stop) == ("accepted", "stop")
     question: Any = found._question
@@ -303,7 +303,7 @@ def test_a_branch_is_completed_from_what_is_named_and_only_where_it_may_win(monk
     monkeypatch.setattr(module, "explain_with_laws", lambda *of, **more: (*of, more))
     monkeypatch.setattr(module, "explain_with_effects", lambda *of: of)
     settled: Any = SimpleNamespace(nothing=lambda *of: of)
-    monkeypatch.setattr(module, "Settled", settled)
+    monkeypatch.setattr(module, "GatedFit", settled)
     given: Any = searching(None, None)
     monkeypatch.setattr(given, "_name", lambda branch: setattr(branch, "named", ("named", branch.searched)))
     one = branch(60.0)

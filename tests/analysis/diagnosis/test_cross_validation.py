@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.diagnosis.verdict import cross_validation
-from analysis.diagnosis.verdict.cross_validation import Prediction, _Open, choose, predict
+from analysis.diagnosis.verdict.cross_validation import Prediction, _PredictionUncertainty, choose, predict
 
 
 def shot_set(*speeds: float) -> Any:
@@ -44,9 +44,9 @@ def test_a_prediction_beats_another_and_earns_a_name_by_more_than_chance_scatter
     surprise: float, rms_m: float, beats: bool, earns: bool
 ) -> None:
     before, after = prediction(100.0, 1.0, [1.0, 2.0]), prediction(surprise, rms_m, [4.0, -2.0])
-    assert after.beats(before) is beats and after.earns_a_name(before) is earns
+    assert after.predicts_better(before) is beats and after.predicts_significantly_better(before) is earns
     sure = prediction(100.0, 1.0, [1.0, 2.0], share=0.25)  # what it leaves open anyhow scatters nothing
-    assert after.earns_a_name(sure) is (beats and surprise < 95.0)
+    assert after.predicts_significantly_better(sure) is (beats and surprise < 95.0)
 
 
 def test_what_is_open_is_integrated_out_of_the_likelihood() -> None:
@@ -63,11 +63,11 @@ def test_what_is_open_is_integrated_out_of_the_likelihood() -> None:
 
     seen, rest = beside_own(jacobian[:, shared]), beside_own(left)
     dense = np.eye(40) + seen @ covariance @ seen.T
-    made = _Open.of(curvature, shared, covariance)
+    made = _PredictionUncertainty.of(curvature, shared, covariance)
     assert made.log_volume == pytest.approx(np.linalg.slogdet(dense)[1], rel=1e-9)
     plain = float(rest @ rest)
     assert made.chi2(plain, jacobian.T @ rest) == pytest.approx(float(rest @ np.linalg.solve(dense, rest)), rel=1e-9)
-    exact = _Open.of(curvature, shared, None)
+    exact = _PredictionUncertainty.of(curvature, shared, None)
     assert exact.log_volume == 0.0 and exact.chi2(plain, jacobian.T @ rest) == plain
     beside = cross_validation._beside(made, lambda d: jacobian.T @ d, rest)
     assert beside == pytest.approx(made.chi2(plain, jacobian.T @ rest))
@@ -87,7 +87,7 @@ def test_held_out_shots_are_predicted_one_by_one_and_counted_together(monkeypatc
     monkeypatch.setattr(cross_validation, "_predict", one)
     given: Any = ("fitted", (3, 7), "floor", "stop")
     both = predict(*given)
-    assert both is not None and both.displacement_m == ("three", "seven") and both.surprise == 15.0
+    assert both is not None and both.displacement_m == ("three", "seven") and both.minus_2_ln_likelihood == 15.0
     assert both.rms_m == pytest.approx(np.sqrt((3 * 4.0 + 16.0) / 4)) and both.left.tolist() == [1.0, 2.0, 3.0, 9.0]
     assert both.squared(np.array([1.0, 1.0, 1.0, 2.0])) == 2 * 3 + 4
     assert asked == [("fitted", "floor", "stop")] * 2
@@ -174,9 +174,11 @@ def test_a_shot_is_predicted_with_what_the_others_know_and_pays_for_its_own(
     assert moved == ([there[0] - 10.0, there[1] - 20.0, 0.0], own)
     begun = [value + 0.25 * (place in own) for place, value in enumerate(there)]
     assert given == (begun, shared, 10, 1e-2) and seen == [True, not unseen, True, True]
-    open_ = _Open.of(out.rows.T @ out.rows, shared, out.covariance[shared][:, shared])
+    open_ = _PredictionUncertainty.of(out.rows.T @ out.rows, shared, out.covariance[shared][:, shared])
     chi2 = open_.chi2(float(out.residual @ out.residual), out.rows.T @ out.residual)
-    assert told.surprise == pytest.approx(chi2 + open_.log_volume + 2 * np.log(50))  # two numbers of its own effects
+    assert told.minus_2_ln_likelihood == pytest.approx(
+        chi2 + open_.log_volume + 2 * np.log(50)
+    )  # two numbers of its own effects
     assert told.rms_m == pytest.approx(np.sqrt((1.0 + 25.0) / 2))
     assert told.displacement_m == (("path", ("unpacked", [value + 0.5 for value in begun])),)
     assert told.left is out.residual
@@ -194,7 +196,11 @@ def test_what_the_other_shots_say_is_kept_unless_it_was_cut_off(monkeypatch: pyt
     out.cut_off = False
     for _ in range(2):
         again = out.told()
-        assert out.searches == 2 and again.surprise == first.surprise and again.rms_m == first.rms_m
+        assert (
+            out.searches == 2
+            and again.minus_2_ln_likelihood == first.minus_2_ln_likelihood
+            and again.rms_m == first.rms_m
+        )
     assert list(out.fitted.trained) == [1]
 
 
@@ -203,4 +209,4 @@ def test_a_shot_that_cannot_be_followed_is_not_predicted(monkeypatch: pytest.Mon
     unknown = OneOut(monkeypatch)
     unknown.covariance = None  # type: ignore[assignment]
     plain = float(unknown.residual @ unknown.residual)
-    assert unknown.told().surprise == pytest.approx(plain + 2 * np.log(50))  # as if exactly known
+    assert unknown.told().minus_2_ln_likelihood == pytest.approx(plain + 2 * np.log(50))  # as if exactly known

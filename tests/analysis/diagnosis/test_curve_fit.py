@@ -13,7 +13,7 @@ from analysis.collision import Infeasible
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning import curve_fit
-from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term, ground_of
+from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, fit_with_motions
 from analysis.diagnosis.learning.penalised_step import penalised_step
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
@@ -31,16 +31,16 @@ def calm() -> bool:
 
 
 @pytest.fixture(scope="module")
-def ground() -> Ground:
+def before_law() -> FitWithMotions:
     """Return what a magnet is learned on: it moves the block by some micrometres."""
     rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-3 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
     motions = rig.shots()
     data = JointData(averaged_shots(motions), base_named("paper"))
-    return ground_of(base_fit(data, first_fit(averaged_shots(motions), "paper", None, calm), calm))
+    return fit_with_motions(base_fit(data, first_fit(averaged_shots(motions), "paper", None, calm), calm))
 
 
-def test_old_derivatives_lead_to_the_same_curve(ground: Ground, monkeypatch: pytest.MonkeyPatch) -> None:
-    start = curve_fit.screen(ground, PLACE, 12, calm, steps=1)
+def test_old_derivatives_lead_to_the_same_curve(before_law: FitWithMotions, monkeypatch: pytest.MonkeyPatch) -> None:
+    start = curve_fit.screen(before_law, PLACE, 12, calm, steps=1)
     counted = []
     honest = curve_fit.motions
     monkeypatch.setattr(curve_fit, "motions", lambda *given: counted.append(1) or honest(*given))  # type: ignore[func-returns-value]
@@ -60,10 +60,10 @@ def test_old_derivatives_lead_to_the_same_curve(ground: Ground, monkeypatch: pyt
     assert kept.bic == pytest.approx(anew.bic, abs=1.0)
 
 
-def test_a_law_that_is_nothing_yet_leaves_the_shots_as_they_are(ground: Ground) -> None:
-    term = curve_fit.Term(PLACE, basis := curve_fit.graded_basis(*ground.visited(PLACE), 12), np.zeros(basis.count))
-    laid = ground.beside(term)
-    solved = curve_fit.motions(ground.fitted.problem, ground.fitted.z, (term,))
+def test_a_law_that_is_nothing_yet_leaves_the_shots_as_they_are(before_law: FitWithMotions) -> None:
+    term = curve_fit.Term(PLACE, basis := curve_fit.graded_basis(*before_law.visited(PLACE), 12), np.zeros(basis.count))
+    laid = before_law.beside(term)
+    solved = curve_fit.motions(before_law.fitted.problem, before_law.fitted.z, (term,))
     for shown, other in zip(laid.displacement_m, solved.displacement_m, strict=True):
         assert np.abs(shown - other).max() < 1e-13
     for one, other in zip(laid.derivatives, solved.derivatives, strict=True):
@@ -115,7 +115,7 @@ TERM = Term(PLACE, Basis((0.0, 0.5, 1.0)), np.zeros(5))
 def place_of(value: float, fresh: bool = True) -> Any:
     shown = (np.full(3, value), np.full(2, value))
     derivatives = (np.ones((3, 7)), np.ones((2, 7)))
-    return curve_fit._Place(np.array([value, 0.0]), (TERM,), Motions(shown, derivatives), fresh)
+    return curve_fit._SearchPoint(np.array([value, 0.0]), (TERM,), Motions(shown, derivatives), fresh)
 
 
 def test_a_step_is_damped_until_it_leads_down(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,9 +149,9 @@ def test_a_step_is_damped_until_it_leads_down(monkeypatch: pytest.MonkeyPatch) -
     went = curve_fit._downhill(problem, here, 0.0)
     assert went.damping == 1e-2 and tried == pytest.approx([0.0, 1e-6, 1e-4, 1e-2])
     bent = moves[2:] + 1e-2
-    assert went.fell == pytest.approx(chi2 - 0.5 * bent @ bent)  # nothing is left but the smoothing's price
+    assert went.actual_fall == pytest.approx(chi2 - 0.5 * bent @ bent)  # nothing is left but the smoothing's price
     by = moves + 1e-2
-    assert went.promised == pytest.approx(chi2 - 5 * (2.0 - by.sum()) ** 2 - 0.5 * bent @ bent)
+    assert went.predicted_fall == pytest.approx(chi2 - 5 * (2.0 - by.sum()) ** 2 - 0.5 * bent @ bent)
     assert (
         went.there is not None and not went.there.fresh and went.there.motions.derivatives is here.motions.derivatives
     )
@@ -159,8 +159,8 @@ def test_a_step_is_damped_until_it_leads_down(monkeypatch: pytest.MonkeyPatch) -
     assert curve_fit._downhill(problem, here, 1e-4).damping == 1e-2 and tried == pytest.approx([1e-4, 1e-2])
     ends |= {1e-2: 9.0, 0.3: 1.0}
     none = curve_fit._downhill(problem, here, 1e-4)
-    assert none.there is None and (none.damping, none.fell) == (1e-4, 0.0)
-    assert none.promised == pytest.approx(chi2 - 5 * (2.0 - moves.sum()) ** 2 - 0.5 * moves[2:] @ moves[2:])
+    assert none.there is None and (none.damping, none.actual_fall) == (1e-4, 0.0)
+    assert none.predicted_fall == pytest.approx(chi2 - 5 * (2.0 - moves.sum()) ** 2 - 0.5 * moves[2:] @ moves[2:])
 
 
 @pytest.mark.parametrize(("value", "side"), [(3.0, 1.0), (7.0, -1.0)])
@@ -192,7 +192,7 @@ def test_a_step_ends_on_a_bound_and_what_presses_against_one_stays(
         np.testing.assert_allclose(columns[0][:, 0], left)
         assert columns[0][:, 1].any() != stays and columns[0][:, 2:].all()
         rest = left - (end - value) * columns[0][:, 1] - side
-        assert went.promised == pytest.approx(left @ left - rest @ rest)
+        assert went.predicted_fall == pytest.approx(left @ left - rest @ rest)
     far = np.array([value + 99.0 * side, 9.0 * side])
     behind = np.array([value, -9.0 * side])
     problem.low, problem.high = np.minimum(far, behind), np.maximum(far, behind)
@@ -205,18 +205,18 @@ class Walk:
     """A fit whose steps are given: each by its damping, what chi^2 fell by and what it was to fall by."""
 
     def __init__(
-        self, patch: pytest.MonkeyPatch, *steps: tuple[float, float, float] | None, promised: float = 0.0
+        self, patch: pytest.MonkeyPatch, *steps: tuple[float, float, float] | None, predicted_fall: float = 0.0
     ) -> None:
         self.asked: list[Any] = []
         self.fresh: list[float] = []
-        self.steps, self.lost = iter(steps), promised
+        self.steps, self.lost = iter(steps), predicted_fall
 
         def downhill(problem: Any, here: Any, damping: float) -> Any:
             self.asked.append((problem.noise, float(here.z[0]), here.fresh, damping))
             step = next(self.steps)
             if step is None:
-                return curve_fit._Went(None, damping, 0.0, self.lost)
-            return curve_fit._Went(place_of(here.z[0] + 1.0, fresh=False), *step)
+                return curve_fit._StepResult(None, damping, 0.0, self.lost)
+            return curve_fit._StepResult(place_of(here.z[0] + 1.0, fresh=False), *step)
 
         def anew(problem: Any, z: Any, terms: Any) -> Any:
             self.fresh.append(float(z[0]))
@@ -271,16 +271,16 @@ def test_a_fit_of_curves_ends_where_a_step_brings_nothing(monkeypatch: pytest.Mo
 def test_derivatives_are_taken_anew_where_a_step_brings_less_than_they_promised(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    for fell, promised, anew in ((7.9, 10.0, [1.0]), (8.1, 10.0, []), (0.1, 0.49, [])):
-        walk = Walk(monkeypatch, (0.0, fell, promised), (0.0, 9.0, 9.0))
+    for actual_fall, predicted_fall, anew in ((7.9, 10.0, [1.0]), (8.1, 10.0, []), (0.1, 0.49, [])):
+        walk = Walk(monkeypatch, (0.0, actual_fall, predicted_fall), (0.0, 9.0, 9.0))
         walk.fitted(2)
         assert walk.fresh == anew
     last = Walk(monkeypatch, (0.0, 1.0, 10.0))
     last.fitted(1)
     assert not last.fresh  # of the last step nothing depends on them
-    lost = Walk(monkeypatch, (0.0, 9.0, 9.0), None, (0.0, 9.0, 9.0), promised=0.6)  # old ones led nowhere
+    lost = Walk(monkeypatch, (0.0, 9.0, 9.0), None, (0.0, 9.0, 9.0), predicted_fall=0.6)  # old ones led nowhere
     assert lost.fitted(2).z[0] == 2.0 and lost.fresh == [1.0]
-    settled = Walk(monkeypatch, (0.0, 9.0, 9.0), None, promised=0.4)
+    settled = Walk(monkeypatch, (0.0, 9.0, 9.0), None, predicted_fall=0.4)
     assert settled.fitted(3).z[0] == 1.0 and not settled.fresh
 
 
@@ -303,8 +303,8 @@ def test_pairs_of_curves_are_told_apart_by_what_both_explain_together(monkeypatc
     rough: Any = Rows(0.1)
     monkeypatch.setattr(curve_fit, "_rough_noise", lambda start: 0.1)
     start = SimpleNamespace(z=np.zeros(2), residual_m=[left[half] for half in halves], problem=Rows())
-    ground: Any = SimpleNamespace(fitted=start, visited=lambda one: (0.0, 1.0), beside=beside)
-    found = curve_fit.likeliest_pairs(ground, arguments, 6, calm)
+    before_law: Any = SimpleNamespace(fitted=start, visited=lambda one: (0.0, 1.0), beside=beside)
+    found = curve_fit.likeliest_pairs(before_law, arguments, 6, calm)
     judged = {}
     for pair in itertools.combinations(arguments[:3], 2):
         terms = tuple(Term(one, curve_fit.graded_basis(0.0, 1.0, 6), np.zeros(9)) for one in pair)
@@ -315,9 +315,9 @@ def test_pairs_of_curves_are_told_apart_by_what_both_explain_together(monkeypatc
     assert [(one.argument, two.argument) for one, two in found] == sorted(judged, key=lambda pair: judged[pair])
     assert (found[0][0].argument, found[0][1].argument) == (arguments[0], arguments[2])
     assert all(not term.coefficients.any() and term.basis.count == 9 for pair in found for term in pair)
-    assert curve_fit.likeliest_pairs(ground, [arguments[0], arguments[3]], 6, calm) == []
+    assert curve_fit.likeliest_pairs(before_law, [arguments[0], arguments[3]], 6, calm) == []
     with pytest.raises(Cancelled):
-        curve_fit.likeliest_pairs(ground, arguments, 6, lambda: True)
+        curve_fit.likeliest_pairs(before_law, arguments, 6, lambda: True)
 
 
 def test_a_finer_curve_begins_as_the_one_before_it(monkeypatch: pytest.MonkeyPatch) -> None:

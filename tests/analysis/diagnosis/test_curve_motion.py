@@ -11,7 +11,7 @@ from analysis.collision.effects.kernel import STATES
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import graded_basis, visited_range
 from analysis.diagnosis.learning import curve_motion as module
-from analysis.diagnosis.learning.curve_motion import Ground, Motions, Term
+from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term
 
 PLACE = next(one for one in ARGUMENTS if (one.where, one.name) == ("block", "place"))
 BEND = next(one for one in ARGUMENTS if one.where == "plate" and not one.touching)
@@ -33,9 +33,9 @@ def path_of(seed: int) -> Any:
 def test_a_law_is_visited_where_it_acts(argument: Any, steps: Any) -> None:
     """On the block in flight too, on the plate from the touch on, in contact while they touch."""
     paths = [path_of(1), path_of(2)]
-    ground = Ground("fit", "motions", tuple((path, "collision") for path in paths))  # type: ignore[arg-type]
+    before_law = FitWithMotions("fit", "motions", tuple((path, "collision") for path in paths))  # type: ignore[arg-type]
     expected = visited_range([np.asarray(argument.value(path.effect_inputs[steps, 1])) for path in paths])
-    assert ground.visited(argument) == pytest.approx(expected)
+    assert before_law.visited(argument) == pytest.approx(expected)
 
 
 def test_the_columns_of_a_law_are_those_of_the_members_of_its_basis(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,7 +86,7 @@ def test_derivatives_stand_at_the_places_of_their_numbers(laid: bool, monkeypatc
     problem = problem_of()
     if laid:
         fitted: Any = SimpleNamespace(problem=problem, z="z", point="point")
-        found = module.ground_of(fitted).beside(term)
+        found = module.fit_with_motions(fitted).beside(term)
         laws: list[Any] = []
         point: Any = "point"
     else:
@@ -113,7 +113,7 @@ def test_on_a_moving_frame_laws_are_laid_on_the_fit_under_the_noise_of_the_fligh
     problem = problem_of("site")
     problem.with_noise = lambda noise: noisy if noise == "of flights" else None
     fitted: Any = SimpleNamespace(problem=problem, z="z", point="point", unlearned_noise="of flights")
-    assert module.ground_of(fitted).fitted is again  # type: ignore[comparison-overlap]
+    assert module.fit_with_motions(fitted).fitted is again  # type: ignore[comparison-overlap]
     still: Any = SimpleNamespace(problem=problem_of(), z="z", point="point")
-    ground = module.ground_of(still)
-    assert ground.fitted is still and isinstance(ground.motions, Motions)
+    before_law = module.fit_with_motions(still)
+    assert before_law.fitted is still and isinstance(before_law.motions, Motions)

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision.effects import CATALOGUE, named
 from analysis.diagnosis import diagnosis_input as module
-from analysis.diagnosis.diagnosis_input import Question
+from analysis.diagnosis.diagnosis_input import DiagnosisInput
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.drive import LAWS
 from tests.analysis.collision.laws.test_own import from_mapping
@@ -18,12 +18,12 @@ LAW = from_mapping(
 )
 
 
-def question(**changed: Any) -> Question:
+def question(**changed: Any) -> DiagnosisInput:
     given: dict[str, Any] = {
         "motions": "motions", "model": "paper", "named": (), "laws": (), "hold_out": None, "shakings_read": "read",
         "progress": "tell", "stop": "stop", "limit": "limit",
     }  # fmt: skip
-    return Question(**{**given, **changed})
+    return DiagnosisInput(**{**given, **changed})
 
 
 def test_a_persons_laws_and_effects_of_the_model_are_tried_as_the_catalogue_is() -> None:
@@ -51,7 +51,7 @@ def test_the_shots_to_hold_out_are_chosen_or_given(monkeypatch: pytest.MonkeyPat
     assert question().held_out(data) == (data, True) and question().held_out(data, in_turn=False) == (data, False)
     assert question(hold_out=0).held_out(data) == (0,) == question(hold_out=0).held_out(data, in_turn=False)
     start: Any = SimpleNamespace(problem=SimpleNamespace(data=data))
-    law = question().one_law_beside(start)
+    law = question().single_law_given(start)
     assert (law.start, law.held, law.tell, law.stop, law.limit) == (start, (data, True), "tell", "stop", "limit")  # type: ignore[comparison-overlap]
 
 

@@ -33,7 +33,7 @@ WITH, LESS = Fit((TILT,)), Fit(())
 def evidence(fewer: Fit | None, monkeypatch: pytest.MonkeyPatch) -> dict[str, float]:
     """Return the evidence for an effect beside a fit without it."""
     monkeypatch.setattr(explanation, "without", lambda *_: fewer)
-    monkeypatch.setattr(explanation, "other_names", lambda *_: ((), None))
+    monkeypatch.setattr(explanation, "indistinguishable_effects", lambda *_: ((), None))
     beside = Separation(500.0, {}, {})
     trail = Trail(cast(Any, LESS), (), calm)
     found = explanation._found(cast(Any, WITH), TILT, {}, Residual(0.0, 57.0, 0.03, 1.1), beside, trail)

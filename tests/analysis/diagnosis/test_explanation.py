@@ -171,7 +171,9 @@ def test_laws_are_learned_beside_what_is_named_or_beside_what_only_imitates(
         predictions=("q0", "q1"),
     )  # fmt: skip
     asked: list[Any] = []
-    monkeypatch.setattr(module, "beside", lambda *given, beat: asked.append(("beside", *given, beat)) or beyond)
+    monkeypatch.setattr(
+        module, "learn_laws_given_effects", lambda *given, beat: asked.append(("beside", *given, beat)) or beyond
+    )
     monkeypatch.setattr(
         module, "beyond_catalogue", lambda *given, beat: asked.append(("beyond", *given, beat)) or beyond
     )
@@ -197,7 +199,7 @@ def test_laws_are_learned_beside_what_is_named_or_beside_what_only_imitates(
 
 
 def test_without_a_law_what_only_imitates_is_not_told_to_predict(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "beside", lambda *_, beat: None)
+    monkeypatch.setattr(module, "learn_laws_given_effects", lambda *_, beat: None)
     monkeypatch.setattr(module, "beyond_catalogue", lambda *_, beat: None)
     question: Any = SimpleNamespace(progress="tell", stop="stop", limit="limit")
     law: Any = SimpleNamespace(held=(7,))
@@ -213,7 +215,7 @@ def test_without_a_law_what_only_imitates_is_not_told_to_predict(monkeypatch: py
 def test_the_evidence_of_an_effect_is_complete(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
     monkeypatch.setattr(module, "without", lambda *given: asked.append(given) or Fit(bic=130.0))
-    monkeypatch.setattr(module, "other_names", lambda *given: asked.append(given) or ((ARM,), 12.0))
+    monkeypatch.setattr(module, "indistinguishable_effects", lambda *given: asked.append(given) or ((ARM,), 12.0))
     monkeypatch.setattr(module, "missed_without", lambda best, fewer: fewer.bic - 110.0)
     trail: Any = SimpleNamespace(go_on=lambda: asked.append("go on"))
     far: Any = SimpleNamespace(snr=30.0, from_other={TILT: 9.0, ARM: 4.0})

@@ -10,7 +10,13 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.diagnosis.search import forward_selection
-from analysis.diagnosis.search.forward_selection import Trail, another_way, explore, nearly_as_likely, polish
+from analysis.diagnosis.search.forward_selection import (
+    Trail,
+    explore,
+    nearly_as_likely,
+    polish,
+    restart_from_other_effects,
+)
 from analysis.inference.fit.added_effect import refit, with_both_effects
 from analysis.inference.fit.problem import Fitted, Floats, Problem
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
@@ -26,7 +32,7 @@ def test_two_effects_that_look_like_a_third_are_found_by_another_way() -> None:
     catalogue = [KINDS[name] for name in (*true, "viscous_drag", "frame_vibration")]
     greedy, trail = explore(before, catalogue, calm, most=2)
     assert named("viscous_drag") in greedy.effects
-    best = another_way(greedy, trail)
+    best = restart_from_other_effects(greedy, trail)
     assert {effect.name for effect in best.effects} == true and best.bic < greedy.bic - 100
 
 
@@ -82,7 +88,7 @@ def test_two_that_nearly_undo_each_other_are_found_though_neither_pays_alone() -
     before = base_fit(shots(effects, seed=5))
     greedy, trail = explore(before, [KINDS[name] for name in (*effects, "cubic_stiffness")], calm)
     assert greedy is before
-    assert {effect.name for effect in another_way(greedy, trail).effects} == set(effects)
+    assert {effect.name for effect in restart_from_other_effects(greedy, trail).effects} == set(effects)
 
 
 @pytest.mark.parametrize(

@@ -107,8 +107,8 @@ def test_what_earns_a_name_predicts_better_by_more_than_chance(
 ) -> None:
     other = Prediction((), 10.0, 1.0, np.zeros(4))
     told = Prediction((), surprise, rms, np.full(4, 0.5 * apart))
-    assert told.earns_a_name(other) is beats
-    assert told.beats(other) is (beats or apart > 0.0)
+    assert told.predicts_significantly_better(other) is beats
+    assert told.predicts_better(other) is (beats or apart > 0.0)
 
 
 @pytest.mark.parametrize(("remainder", "near"), [(0.0, ("a", "b")), (2.0, ("a", "b", "c"))])
@@ -154,7 +154,7 @@ def test_what_was_fitted_in_the_place_and_is_nearly_as_likely_is_named_beside(
     for one in (best, other):
         trail.fits[frozenset(one.effects)] = cast(Any, one)
     far = Separation(50.0, {ADHESION: 40.0}, {})
-    found, lead = names.other_names(cast(Any, best), TILT, SHAPE_LEFT, far, trail)
+    found, lead = names.indistinguishable_effects(cast(Any, best), TILT, SHAPE_LEFT, far, trail)
     assert found == ((ADHESION,) if named else ())
     assert lead == behind
 
@@ -166,7 +166,7 @@ def test_what_is_near_to_first_order_is_named_beside(distance: float, named: boo
     trail = Trail(cast(Any, Fit(())), (), calm)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Trail, "of", lambda _trail, _names: None)  # it was never fitted
-        found, _ = names.other_names(cast(Any, Fit((TILT,))), TILT, rest, far, trail)
+        found, _ = names.indistinguishable_effects(cast(Any, Fit((TILT,))), TILT, rest, far, trail)
     assert found == ((ADHESION,) if named else ())
 
 
@@ -238,12 +238,12 @@ def test_a_line_that_is_far_behind_when_it_is_fitted_is_no_other_name(
         catalogue=(SimpleNamespace(effect=TILT), kind), linearised=lambda fit: ("linear", fit),
     )  # fmt: skip
     monkeypatch.setattr(names, "without", lambda one, effect, of: less if fewer and effect is TILT else None)
-    monkeypatch.setattr(names, "by_chance", lambda *_: False)
+    monkeypatch.setattr(names, "imitates_by_coincidence", lambda *_: False)
     monkeypatch.setattr(
         names, "fitted_instead", lambda *given: asked.append(given) or (instead if ends[1] is not None else None)
     )
     far = Separation(50.0, {line: 1.0}, {line: ({},)} if starts else {})
-    told, lead = names.other_names(cast(Any, best), TILT, NOTHING_LEFT, far, trail)
+    told, lead = names.indistinguishable_effects(cast(Any, best), TILT, NOTHING_LEFT, far, trail)
     assert told == ((line,) if named else ()) and lead is None
     if wave and starts and fewer:
         assert asked == [(best, ("linear", less), far, None, "stop", kind)]
@@ -251,9 +251,9 @@ def test_a_line_that_is_far_behind_when_it_is_fitted_is_no_other_name(
     else:
         assert not asked and not kept
     # beside something that is left nothing is fitted
-    assert names.other_names(cast(Any, best), TILT, SHAPE_LEFT, far, trail)[0] == (line,)
-    monkeypatch.setattr(names, "by_chance", lambda rival, other, *_: rival is found and other is line)
-    assert names.other_names(cast(Any, best), TILT, NOTHING_LEFT, far, trail)[0] == ()
+    assert names.indistinguishable_effects(cast(Any, best), TILT, SHAPE_LEFT, far, trail)[0] == (line,)
+    monkeypatch.setattr(names, "imitates_by_coincidence", lambda rival, other, *_: rival is found and other is line)
+    assert names.indistinguishable_effects(cast(Any, best), TILT, NOTHING_LEFT, far, trail)[0] == ()
 
 
 def test_the_runner_up_is_the_likeliest_with_one_effect_exchanged() -> None:
@@ -268,5 +268,5 @@ def test_the_runner_up_is_the_likeliest_with_one_effect_exchanged() -> None:
         trail.fits[frozenset(effects)] = cast(Any, Likely(effects, bic, -bic / 2))
     far = Separation(50.0, {}, {})
     # neither where two are exchanged, nor where the other one is, nor what holds the effect
-    assert names.other_names(cast(Any, best), vibration, SHAPE_LEFT, far, trail) == ((), 30.0)
-    assert names.other_names(cast(Any, best), TILT, SHAPE_LEFT, far, trail) == ((ADHESION,), 3.0)
+    assert names.indistinguishable_effects(cast(Any, best), vibration, SHAPE_LEFT, far, trail) == ((), 30.0)
+    assert names.indistinguishable_effects(cast(Any, best), TILT, SHAPE_LEFT, far, trail) == ((ADHESION,), 3.0)

@@ -243,7 +243,7 @@ def test_only_arguments_that_may_still_come_to_the_front_are_searched_to_the_end
         bic = rough[argument.name]
         return SimpleNamespace(bic=bic, at_best=bic, problem=None, z=bic, terms=())
 
-    monkeypatch.setattr(law_learning, "ground_of", lambda _start: None)
+    monkeypatch.setattr(law_learning, "fit_with_motions", lambda _start: None)
     monkeypatch.setattr(law_learning, "screen", screened)
     monkeypatch.setattr(law_learning, "fit_terms", further)
     monkeypatch.setattr(law_learning, "finer", lambda learned, *_: learned)
@@ -264,7 +264,7 @@ def test_two_curves_that_cannot_come_low_enough_get_no_finer_knots(
         refined.append(learned)
         return learned
 
-    monkeypatch.setattr(two_laws, "ground_of", lambda _start: None)
+    monkeypatch.setattr(two_laws, "fit_with_motions", lambda _start: None)
     monkeypatch.setattr(two_laws, "arguments_of", lambda _start: [])
     monkeypatch.setattr(two_laws, "likeliest_pairs", lambda *_: [(1, 2)])
     monkeypatch.setattr(two_laws, "fit_terms", lambda *_, **__: pair)
@@ -280,7 +280,7 @@ def test_where_no_curve_can_be_followed_from_the_fit_there_is_no_law(monkeypatch
     def infeasible(_: object) -> None:
         raise Infeasible("too many contacts")
 
-    monkeypatch.setattr(law_learning, "ground_of", infeasible)
+    monkeypatch.setattr(law_learning, "fit_with_motions", infeasible)
     monkeypatch.setattr(law_learning, "arguments_of", lambda _start: [])
     assert law_learning.free_curves(cast(Any, Fit(START)), lambda *_: None, calm) == []
 

@@ -16,7 +16,7 @@ from analysis.diagnosis.search.forward_selection import Trail, prune
 from analysis.diagnosis.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
 from analysis.diagnosis.verdict.acceptance import keep_predictive, settle
-from analysis.diagnosis.verdict.coincidence import Unforetold, by_chance
+from analysis.diagnosis.verdict.coincidence import PerShotCost, imitates_by_coincidence
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, worst
 from analysis.diagnosis.verdict.residual import Residual
@@ -129,7 +129,7 @@ class Stages:
         self.instead: dict[Any, Any] = {}
         self.clean: dict[Any, Any] = {}
 
-        def another_way(_best: Fit, _trail: Trail, firsts: int) -> Fit:
+        def restart_from_other_effects(_best: Fit, _trail: Trail, firsts: int) -> Fit:
             self.asked += 1
             self.firsts = firsts
             return other
@@ -149,7 +149,7 @@ class Stages:
         patch.setattr(acceptance, "residual_of", lambda best, _at: left[best])
         patch.setattr(acceptance, "alternative_without_misfit", alternative_without_misfit)
         patch.setattr(acceptance, "separations_of", lambda *_: {})
-        patch.setattr(acceptance, "another_way", another_way)
+        patch.setattr(acceptance, "restart_from_other_effects", restart_from_other_effects)
         hides = property(lambda best: best.effects == self.hides)
         patch.setattr(Fit, "wanders_in_contact_alone", hides, raising=False)
 
@@ -299,13 +299,13 @@ def test_numbers_of_every_shot_that_fall_where_one_number_foretells_them_are_cha
     theirs, ours = Shown((rival, LINE), worth=-rival_chi2), Shown((instead,), worth=0.0)
     cost = {theirs: None if nats is None else nats + 3.0, ours: 3.0}
 
-    def unforetold(fitted: Shown, _effect: Effect) -> Unforetold | None:
+    def per_shot_cost(fitted: Shown, _effect: Effect) -> PerShotCost | None:
         known = cost[fitted]
-        return None if known is None else Unforetold(known, np.ones(1))
+        return None if known is None else PerShotCost(known, np.ones(1))
 
-    monkeypatch.setattr(coincidence, "unforetold", unforetold)
-    assert by_chance(cast(Any, theirs), rival, cast(Any, ours), instead) is refused
-    assert not by_chance(None, rival, cast(Any, ours), instead)
+    monkeypatch.setattr(coincidence, "per_shot_cost", per_shot_cost)
+    assert imitates_by_coincidence(cast(Any, theirs), rival, cast(Any, ours), instead) is refused
+    assert not imitates_by_coincidence(None, rival, cast(Any, ours), instead)
 
 
 def lacking(

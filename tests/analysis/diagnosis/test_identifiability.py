@@ -118,7 +118,7 @@ class OfTwo:
 @pytest.mark.parametrize("effect", [TILT, MODE])
 def test_the_size_of_an_effect_is_what_no_other_parameter_absorbs(effect: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     of = OfTwo(monkeypatch)
-    np.testing.assert_allclose(module.beside(of.fitted, of.at, effect).left, of.alone(effect), atol=1e-9)
+    np.testing.assert_allclose(module.isolated_effect(of.fitted, of.at, effect).left, of.alone(effect), atol=1e-9)
     assert module.snr(of.fitted, of.at, effect) == pytest.approx(np.linalg.norm(of.alone(effect)))
 
 

@@ -38,8 +38,8 @@ class Screen:
         self.asked: list[Any] = []
         self.told: list[Any] = []
 
-        def screen(ground: Any, one: Any, pieces: int, stop: Any, *, steps: int) -> Any:
-            assert (ground, pieces, stop, steps) == ("ground", 12, calm, 3)
+        def screen(before_law: Any, one: Any, pieces: int, stop: Any, *, steps: int) -> Any:
+            assert (before_law, pieces, stop, steps) == ("before_law", 12, calm, 3)
             if rough[one.name] is None:
                 raise Infeasible("nowhere")
             return curve(rough[one.name], one.name)  # type: ignore[arg-type]
@@ -58,7 +58,7 @@ class Screen:
             self.asked.append(f"finer {name}")
             return curve(*fine[name]) if isinstance(fine.get(name), tuple) else curve(fine.get(name, learned.bic), name)
 
-        patch.setattr(module, "ground_of", lambda start: "ground")
+        patch.setattr(module, "fit_with_motions", lambda start: "before_law")
         patch.setattr(module, "screen", screen)
         patch.setattr(module, "fit_terms", fit_terms)
         patch.setattr(module, "finer", finer)
@@ -97,7 +97,7 @@ def test_curves_that_no_form_may_bring_to_the_front_are_left(monkeypatch: pytest
     def stiff(start: Any) -> Any:
         raise Infeasible("drawn stiff")
 
-    monkeypatch.setattr(module, "ground_of", stiff)
+    monkeypatch.setattr(module, "fit_with_motions", stiff)
     assert module.rough_curves("start", lambda *_: None, calm) == []  # type: ignore[arg-type]
 
 
@@ -146,7 +146,7 @@ class Forms:
         patch.setattr(module, "over_kinks", lambda fitted, stop: self.asked.append(f"kinks {fitted.name}") or fitted)
         patch.setattr(module, "residual_of", lambda fitted, at: ("left", fitted.name, at))
         patch.setattr(module, "predict", lambda fitted, held, noise, stop: SimpleNamespace(
-            of=(fitted.name, held, noise), earns_a_name=lambda before: before.of[0] == "start"))  # fmt: skip
+            of=(fitted.name, held, noise), predicts_significantly_better=lambda other: other.of[0] == "start"))  # fmt: skip
         patch.setattr(module, "as_learned", lambda *given: self.read.append(given) or "law")
 
     @staticmethod

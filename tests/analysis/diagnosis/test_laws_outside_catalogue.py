@@ -211,7 +211,7 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
         law = ("law", nearest, (3,), tell, limit, 8.0)
         expected.append(("together", law, ["effects"], "before", (3,), "stop", False))
     if helped:
-        last = module.Beyond(nearest, Verdict.PARTLY_EXPLAINED, [], (), ("before", "told"), rest, ("effects",))  # type: ignore[arg-type]
+        last = module.LawExplanation(nearest, Verdict.PARTLY_EXPLAINED, [], (), ("before", "told"), rest, ("effects",))  # type: ignore[arg-type]
         expected.append(last)
     effects: Any = ["effects"]
     assert list(module._in_turn(alone, nearest, effects, 8.0)) == expected
@@ -235,5 +235,5 @@ def test_a_law_is_learned_beside_effects_that_passed(foretold: bool, monkeypatch
     given: Any = (named, ["effects"], "before", (3,), lambda *what: None, "stop", limit)
     learning = (named, (3,), given[4], limit)
     base = ("before", (3,), "noise", "stop") if foretold else "p0"
-    assert module.beside(*given, beat=8.0) == (found, ["effects"], base, (3,), "stop", True)  # type: ignore[comparison-overlap]
-    assert module.beside(*given) is None
+    assert module.learn_laws_given_effects(*given, beat=8.0) == (found, ["effects"], base, (3,), "stop", True)  # type: ignore[comparison-overlap]
+    assert module.learn_laws_given_effects(*given) is None

@@ -11,7 +11,7 @@ from analysis.diagnosis.search import competing_models as module
 from analysis.diagnosis.search.competing_models import _close, _known, _nearest, _of_one_line, _ring_alike
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import coincidence
-from analysis.diagnosis.verdict.coincidence import by_chance
+from analysis.diagnosis.verdict.coincidence import imitates_by_coincidence
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.inference.fit.free_parameters import trial_effect
@@ -103,18 +103,22 @@ def test_numbers_of_every_shot_are_chance_where_one_number_makes_the_shots_likel
 ) -> None:
     nats = {MOTION: 20.0, DRAG: 5.0, TILT: None}
     monkeypatch.setattr(
-        coincidence, "unforetold", lambda _, one: None if nats[one] is None else SimpleNamespace(nats=nats[one])
+        coincidence, "per_shot_cost", lambda _, one: None if nats[one] is None else SimpleNamespace(nats=nats[one])
     )
 
     def of(chi2: float) -> Any:
         return SimpleNamespace(noise="best", chi2=lambda noise: {"best": chi2}[noise])
 
     limit = CRITERIA.separation**2 - 2 * 15.0
-    assert by_chance(of(100.0 + limit + 0.1), MOTION, of(100.0), DRAG)
-    assert not by_chance(of(100.0 + limit - 0.1), MOTION, of(100.0), DRAG)
+    assert imitates_by_coincidence(of(100.0 + limit + 0.1), MOTION, of(100.0), DRAG)
+    assert not imitates_by_coincidence(of(100.0 + limit - 0.1), MOTION, of(100.0), DRAG)
     far = of(1e6)
-    assert not by_chance(None, MOTION, far, DRAG) and not by_chance(far, DRAG, of(0.0), MOTION)
-    assert not by_chance(far, DRAG, of(0.0), TILT) and not by_chance(far, MOTION, of(0.0), TILT)
+    assert not imitates_by_coincidence(None, MOTION, far, DRAG) and not imitates_by_coincidence(
+        far, DRAG, of(0.0), MOTION
+    )
+    assert not imitates_by_coincidence(far, DRAG, of(0.0), TILT) and not imitates_by_coincidence(
+        far, MOTION, of(0.0), TILT
+    )
 
 
 def fit_of(bic: float, *effects: Any, wander: tuple[Any, ...] = ()) -> Any:

@@ -11,7 +11,13 @@ import pytest
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict import prediction_errors as module
-from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot, _all, _on_its_plate, foretell
+from analysis.diagnosis.verdict.prediction_errors import (
+    PredictedShot,
+    PredictionTest,
+    _all,
+    _on_its_plate,
+    evaluate_predictions,
+)
 from analysis.diagnosis.wording import prediction_words
 from analysis.shot.plate import stated_n_per_m
 from analysis.shot.quantity import Quantity
@@ -64,9 +70,9 @@ def _errors(rms_m: float, force_n: float = math.nan, chi2: float = 1.0) -> Error
 
 def test_errors_of_several_shots_are_their_rms_and_what_failed_is_left_out() -> None:
     shots = [
-        ForetoldShot("a", False, _errors(3e-9, 6.0, 1.0), _errors(1e-9)),
-        ForetoldShot("b", False, _errors(4e-9, 8.0, 4.0), _errors(2e-9)),
-        ForetoldShot("c", False, None, None, "no motion"),
+        PredictedShot("a", False, _errors(3e-9, 6.0, 1.0), _errors(1e-9)),
+        PredictedShot("b", False, _errors(4e-9, 8.0, 4.0), _errors(2e-9)),
+        PredictedShot("c", False, None, None, "no motion"),
     ]
     of_base = _all(shots, "error_base")
     assert of_base.displacement_rms_m == pytest.approx(math.sqrt(12.5) * 1e-9)
@@ -86,9 +92,9 @@ def test_errors_of_several_shots_are_their_rms_and_what_failed_is_left_out() -> 
     ],
 )
 def test_the_sentence_says_by_how_much_and_over_how_many(base: Errors, model: Errors, words: str) -> None:
-    shot, failed = ForetoldShot("1", False, base, model), ForetoldShot("2", False, None, None, "too short")
+    shot, failed = PredictedShot("1", False, base, model), PredictedShot("2", False, None, None, "too short")
     one, two = (
-        prediction_words(Foretold("paper", (), base, model, (*shots, failed))) for shots in ([shot], [shot] * 2)
+        prediction_words(PredictionTest("paper", (), base, model, (*shots, failed))) for shots in ([shot], [shot] * 2)
     )
     assert one.startswith(words)
     assert one.endswith("over 1 shot") and two.endswith("over 2 shots")
@@ -121,7 +127,7 @@ def test_each_shot_is_predicted_by_base_and_model_and_what_fails_says_why(
     monkeypatch.setattr(module, "_driven" if base == "driven" else "_collision", one)
     monkeypatch.setattr(module, "in_words", lambda error: f"because {error}")
     motions: Any = list("abcd")
-    found = foretell(motions, ["a", "b", "c", "d"], model)
+    found = evaluate_predictions(motions, ["a", "b", "c", "d"], model)
     assert asked == [(motion, {"known" if known else "fitted": 1}) for motion in "abcd"]
     assert [(shot.name, shot.took_part, shot.problem) for shot in found.shots] == [
         ("a", False, None), ("b", True, None), ("c", False, "because too short"), ("d", False, "because singular"),
@@ -131,9 +137,9 @@ def test_each_shot_is_predicted_by_base_and_model_and_what_fails_says_why(
     assert found.shots[0].error_base == _errors(3e-9, 3.0) and found.shots[3].error_model is None
     stopped = True
     with pytest.raises(Cancelled):
-        foretell(motions, ["a"] * 4, model, lambda: True)
+        evaluate_predictions(motions, ["a"] * 4, model, lambda: True)
     with pytest.raises(AnalysisError, match="nothing to foretell"):
-        foretell([], [], model)
+        evaluate_predictions([], [], model)
 
 
 def test_a_drives_force_is_predicted_by_base_and_by_model(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -73,7 +73,7 @@ def test_a_residual_is_more_than_noise_where_one_of_its_tests_says_so(
     changes: dict[str, Any], rough: bool, significant: bool, missed: float
 ) -> None:
     left = replace(Residual(0.0, 10.0, 0.0, 1.0), **changes)
-    assert (left.rough, left.significant, left.missed) == (rough, significant, missed)
+    assert (left.rough, left.significant, left.unexplained_norms) == (rough, significant, missed)
 
 
 @pytest.mark.parametrize(("samples", "limit"), [(200, 20.0), (10_000, 28.0 + math.log(10_000))])

@@ -10,7 +10,7 @@ import pytest
 from analysis.collision import WIDER, Infeasible
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.search import search, search_starts, wider_variants
-from analysis.diagnosis.search.search import Search, Searched
+from analysis.diagnosis.search.search import Search, SearchResult
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Point
 from tests.analysis.diagnosis.shots import KINDS
@@ -40,17 +40,17 @@ def test_a_search_goes_on_where_rounds_are_left_and_something_is(
     monkeypatch.setattr(search, "residual_of", lambda fitted, at: left if at == ("linear", fitted) else None)
     monkeypatch.setattr(search, "climb", lambda *given: given)
     monkeypatch.setattr(search, "leaves_something", lambda residual, *, nothing_pays: (residual, nothing_pays))
-    searched = Searched(best, trail, ("catalogue",), rounds)
+    searched = SearchResult(best, trail, ("catalogue",), rounds)
     assert searched.leaves_something == (left, True)
     ended: Any = searched.to_the_end()
     goes_on = bool(rounds) and significant
-    assert ended == (Searched((best, trail, rounds), trail, ("catalogue",)) if goes_on else searched)  # type: ignore[arg-type]
+    assert ended == (SearchResult((best, trail, rounds), trail, ("catalogue",)) if goes_on else searched)  # type: ignore[arg-type]
 
 
 def test_two_effects_that_hide_each_other_take_the_place_where_they_are_likelier(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    searched = Searched(fit(5.0), trail_of(fit(9.0)), (), 1)
+    searched = SearchResult(fit(5.0), trail_of(fit(9.0)), (), 1)
     for pair, taken in ((None, False), (fit(5.0), False), (fit(4.9), True)):
         monkeypatch.setattr(search, "paired", lambda trail, pair=pair: pair if trail is searched.trail else "other")
         found = searched.with_pairs()

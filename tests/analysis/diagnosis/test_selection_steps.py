@@ -325,14 +325,14 @@ def test_a_search_begins_again_at_the_two_likeliest_effects_that_were_not_found(
     monkeypatch.setattr(module, "polish", lambda fitted, trail, *, from_white: ("polished", fitted, from_white))
     alone = [Fit(100.0 + k, one) for k, one in enumerate((DRAG, ADHESION, MODE, CUBIC))]
     trail, best = trail_of(Fit(900.0), *alone), Fit(80.0, DRAG, TILT)
-    found: Any = module.another_way(best, trail)  # type: ignore[arg-type]
+    found: Any = module.restart_from_other_effects(best, trail)  # type: ignore[arg-type]
     assert found.bic == 70.0
     assert asked == [(("polished", one, True), CRITERIA.most_effects - 1, 3) for one in alone[1:3]]
     asked.clear()
     ends[CUBIC] = 60.0
-    assert module.another_way(best, trail, 3).bic == 60.0 and len(asked) == 3  # type: ignore[arg-type]
+    assert module.restart_from_other_effects(best, trail, 3).bic == 60.0 and len(asked) == 3  # type: ignore[arg-type]
     ends[ADHESION] = 81.0
-    assert module.another_way(best, trail) is best  # type: ignore[comparison-overlap, arg-type]
+    assert module.restart_from_other_effects(best, trail) is best  # type: ignore[comparison-overlap, arg-type]
 
 
 @pytest.mark.parametrize(

@@ -47,7 +47,11 @@ def learned(
         return Fit(fewer, f"without {effect}")
 
     def foretell(one: Any, *_: Any) -> Any:
-        return SimpleNamespace(of=one.pair, beats=lambda before: beats and before.of == "start") if foretold else None
+        return (
+            SimpleNamespace(of=one.pair, predicts_better=lambda before: beats and before.of == "start")
+            if foretold
+            else None
+        )
 
     curves = SimpleNamespace(bic=curves_bic, bics=None, with_last=lambda which: f"last {which}")
     monkeypatch.setattr(module, "two_curves", lambda *_, beat: [curves, *(also or [])])
@@ -222,7 +226,7 @@ def test_the_pairs_of_curves_likeliest_to_first_order_are_fitted_and_the_best_ge
         asked.append((learned.order, most, stop))
         return Curves(learned.bic - 1.0, learned.order)
 
-    monkeypatch.setattr(module, "ground_of", lambda start: ("ground", start))
+    monkeypatch.setattr(module, "fit_with_motions", lambda start: ("before_law", start))
     monkeypatch.setattr(module, "arguments_of", lambda start: ("arguments", start))
     monkeypatch.setattr(module, "likeliest_pairs", lambda *given: [*range(7)] if given == pairs else [])
     monkeypatch.setattr(module, "fit_terms", fit_terms)
@@ -230,7 +234,7 @@ def test_the_pairs_of_curves_likeliest_to_first_order_are_fitted_and_the_best_ge
     monkeypatch.setattr(module, "finer", finer)
     monkeypatch.setattr(module, "forms_may_reach", lambda beat, curves, start: beat > curves[0].bic)
     start: Any = SimpleNamespace(problem="problem", z="z", bic=100.0)
-    pairs = (("ground", start), ("arguments", start), 12, "stop")
+    pairs = (("before_law", start), ("arguments", start), 12, "stop")
     stop: Any = "stop"
     found: Any = module.two_curves(start, stop)
     assert [(one.bic, one.order) for one in found] == [(38.0, "ab")] and led_on == [[50.0, 60.0, 70.0]]

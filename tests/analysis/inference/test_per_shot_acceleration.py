@@ -14,7 +14,7 @@ from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.prediction_errors import foretell
+from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
 from analysis.inference.fit.course import read_course
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
@@ -70,7 +70,7 @@ def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monke
     assert set(model.parameters) == set(model.base_parameters) == {
         "contact_stiffness_n_per_m", "contact_damping_n_s_per_m",
     }  # fmt: skip
-    told = foretell(motions[3:], ["4"], model)
+    told = evaluate_predictions(motions[3:], ["4"], model)
     assert told.error_model.displacement_rms_m < 24e-6  # noise of 20 um
     assert told.error_base.displacement_rms_m == pytest.approx(told.error_model.displacement_rms_m, rel=0.02)
 

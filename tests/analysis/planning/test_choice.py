@@ -235,7 +235,7 @@ def test_a_step_that_was_taken_is_held_against_its_members_and_the_rest_is_plann
 
     monkeypatch.setattr("analysis.planning.model_comparison.compare_models", compare)
     monkeypatch.setattr("analysis.planning.plan.plan", further)
-    monkeypatch.setattr(shot_log, "undecided", lambda _: (TILT, DRAG) if still else (TILT, MODE))
+    monkeypatch.setattr(shot_log, "first_indistinguishable", lambda _: (TILT, DRAG) if still else (TILT, MODE))
     diagnosis: Any = SimpleNamespace(fit_after="fit")
     older = PlannedStep(B, (DRAG, MODE), {DRAG: 5.0}, 1.0, DRAG)
     taken = PlannedStep(A, (DRAG, TILT), {DRAG: 6.0, TILT: 8.0}, inseparable_from={TILT: (MODE,)})

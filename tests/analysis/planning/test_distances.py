@@ -152,7 +152,7 @@ def test_every_shot_is_screened_for_every_true_member_and_rival(plain: pytest.Mo
     plain.setattr(
         planned, "present_information", lambda fitted, floor: Information(np.eye(1), np.zeros(1), int(fitted))
     )
-    plain.setattr(planned, "unforetold", lambda fitted, effect: SimpleNamespace(scatter=f"of {fitted}"))
+    plain.setattr(planned, "per_shot_cost", lambda fitted, effect: SimpleNamespace(prior_width=f"of {fitted}"))
     plain.setattr(
         planned,
         "shot_penalty",

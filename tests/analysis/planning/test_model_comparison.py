@@ -41,7 +41,7 @@ def test_values_in_every_shot_pay_what_they_cost_more_than_shared_ones(monkeypat
     none = SimpleNamespace(nats=None)
     monkeypatch.setattr(
         model_comparison,
-        "unforetold",
+        "per_shot_cost",
         lambda fitted, _: None if fitted.nats is None else SimpleNamespace(nats=fitted.nats),
     )
     dear: Any = SimpleNamespace(nats=12.0)

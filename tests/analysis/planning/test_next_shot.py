@@ -13,11 +13,11 @@ from analysis.planning.next_shot import (
     Reach,
     contact_s,
     effort,
+    first_indistinguishable,
     in_order,
     next_shots,
     on_the_rig,
     shots_in_words,
-    undecided,
     usual_flights,
 )
 
@@ -92,7 +92,7 @@ def test_the_first_effect_with_other_names_is_what_is_undecided() -> None:
 
     def of(*effects: Any) -> tuple[Any, ...]:
         given: Any = SimpleNamespace(effects=effects)
-        return undecided(given)
+        return first_indistinguishable(given)
 
     assert of(sure, unsure, other) == (one, two, three, four) and of(other, unsure) == (two, one)
     assert of(sure) == () == of()

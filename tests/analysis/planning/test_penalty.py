@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.verdict.coincidence import by_chance, unforetold
+from analysis.diagnosis.verdict.coincidence import imitates_by_coincidence, per_shot_cost
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning.distances import nearest, refitted, screen_shots
 from analysis.planning.model_comparison import ModelComparison, compare_models
@@ -37,16 +37,16 @@ def test_the_penalty_of_own_values_is_the_evidence_at_its_likeliest_scatter():
 
     grid = np.geomspace(1e-2, 1e2, 120)
     least = min(nats((a, b)) for a in grid for b in grid)
-    got = unforetold(_fitted(["v", "d"] * 3, here, inverse), "one")
+    got = per_shot_cost(_fitted(["v", "d"] * 3, here, inverse), "one")
     assert got.nats == pytest.approx(least, abs=0.01)  # 12.5 decide
-    assert got.nats == pytest.approx(nats(got.scatter), abs=1e-6)
+    assert got.nats == pytest.approx(nats(got.prior_width), abs=1e-6)
 
 
 def test_a_value_far_from_zero_costs_the_logarithm_of_its_size():
-    got = unforetold(_fitted(["a"], np.array([1e3]), np.eye(1)), "one")
+    got = per_shot_cost(_fitted(["a"], np.array([1e3]), np.eye(1)), "one")
     assert got.nats == pytest.approx(np.log(1e3) + 0.5, abs=1e-3)
-    assert unforetold(_fitted(["a"], np.array([0.0]), np.eye(1)), "one").nats < 0.1
-    assert unforetold(_fitted(["a"], np.array([1.0]), np.full((1, 1), np.nan)), "one") is None
+    assert per_shot_cost(_fitted(["a"], np.array([0.0]), np.eye(1)), "one").nats < 0.1
+    assert per_shot_cost(_fitted(["a"], np.array([1.0]), np.full((1, 1), np.nan)), "one") is None
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +80,8 @@ def test_a_shared_value_replaces_a_swinging_plate_and_not_the_reverse(damped):
     shots = [NextShot(0.6, 0.05, 0.012, 0.02)] * 4
     many = _contest(with_shots(truth, shots, 0.025), NAMES[0])
     shared, own = sorted(many.members, key=lambda member: member.effect.name)
-    assert by_chance(own.fitted, own.effect, shared.fitted, shared.effect)
-    assert not by_chance(shared.fitted, shared.effect, own.fitted, own.effect)
+    assert imitates_by_coincidence(own.fitted, own.effect, shared.fitted, shared.effect)
+    assert not imitates_by_coincidence(shared.fitted, shared.effect, own.fitted, own.effect)
 
 
 def test_a_plate_that_does_swing_is_not_taken_for_a_coincidence():
@@ -90,4 +90,4 @@ def test_a_plate_that_does_swing_is_not_taken_for_a_coincidence():
     own = next(member for member in swings.members if member.effect.name == "plate_motion")
     shared = next(member for member in swings.members if member.effect.name != "plate_motion")
     assert swings.members[0] is own
-    assert not by_chance(own.fitted, own.effect, shared.fitted, shared.effect)
+    assert not imitates_by_coincidence(own.fitted, own.effect, shared.fitted, shared.effect)

@@ -9,7 +9,7 @@ from analysis.collision.parameters import Collision
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import saved
 from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.verdict.prediction_errors import foretell
+from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
 from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
 from analysis.inference.fit.base import base_of
 from analysis.inference.fit.effective_parameters import Point
@@ -154,8 +154,8 @@ def test_a_model_of_two_plates_predicts_each_shot_on_its_own(five):
     motions, _, found = five
     model = saved(found.fit_after, ("1", "2", "3", "4", "5"), found)
     for motion in (motions[0], motions[4]):
-        prediction = foretell([motion], ["another"], model)
+        prediction = evaluate_predictions([motion], ["another"], model)
         assert prediction.error_model.displacement_rms_m < 1.2 * WHITE_M
         assert prediction.error_base.displacement_rms_m > 2 * WHITE_M
-    elsewhere = foretell([replace(motions[4], plate=None)], ["not stated"], model)
+    elsewhere = evaluate_predictions([replace(motions[4], plate=None)], ["not stated"], model)
     assert elsewhere.error_model.displacement_rms_m > 1e3 * WHITE_M

@@ -12,7 +12,7 @@ import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot
+from analysis.diagnosis.verdict.prediction_errors import PredictedShot, PredictionTest
 from analysis.planning.next_shot import NextShot, Reach
 from analysis.planning.plan import Plan
 from analysis.planning.shot_log import PlanningState
@@ -209,8 +209,8 @@ def test_a_replay_prints_and_writes_what_was_found(shots, capsys, tmp_path, monk
     far = replace(fit.parameters["plate_mass_kg"], value=3e-4)
     write_model(model, replace(fit, parameters=fit.parameters | {"plate_mass_kg": far}), found[:1], None, (DRAG,))
     errors = Errors(62e-9, 40e-6, 3.1e-3, 3800.0), Errors(1.1e-9, 8e-6, 2e-3, 1.01)
-    tested = (ForetoldShot("a", True, *errors), ForetoldShot("b", False, None, None, "no motion"))
-    monkeypatch.setattr(replay, "predicted", lambda *_: Foretold("paper", (DRAG,), *errors, tested))
+    tested = (PredictedShot("a", True, *errors), PredictedShot("b", False, None, None, "no motion"))
+    monkeypatch.setattr(replay, "predicted", lambda *_: PredictionTest("paper", (DRAG,), *errors, tested))
     parts["a model file, tested"] = noted(
         _run(capsys, paths[:2], ReplayRequest(test_model=True), Outputs(), model=str(model))
     )

@@ -12,7 +12,7 @@ import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Candidate, Errors, Standing, Verdict
-from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot
+from analysis.diagnosis.verdict.prediction_errors import PredictedShot, PredictionTest
 from analysis.shot.impact import Disturbance, VibrationLine
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Air, Channel, Plate, Recording, Role, Setup
@@ -247,12 +247,12 @@ def test_the_report_of_a_session(recorded):
     half = replace(both, shots=tuple(replace(p, residual_m=0.5 * np.asarray(p.residual_m)) for p in both.shots))
     found = replace(one, candidates=_candidates(), fit_before=both, fit_after=half, laws=(synthetic.learned_law(),))
     base, model = Errors(62e-9, 40e-6, 3.1e-3, 3800.0), Errors(1.1e-9, 8e-6, 2e-3, 1.01)
-    foretold = Foretold(
+    foretold = PredictionTest(
         "paper", (DRAG,), base, model,
         (
-            ForetoldShot("run-1", True, base, model),
-            ForetoldShot("run-2", False, base, replace(model, displacement_rms_m=3e-9)),
-            ForetoldShot("failed", False, None, None, "no motion"),
+            PredictedShot("run-1", True, base, model),
+            PredictedShot("run-2", False, base, replace(model, displacement_rms_m=3e-9)),
+            PredictedShot("failed", False, None, None, "no motion"),
         ),
     )  # fmt: skip
     lines = page(*shots, diagnosis=found, prediction=foretold, next_shots="One shot at 0.6 m/s.")
@@ -304,6 +304,6 @@ def test_exported_tables(tmp_path):
     (law,) = export_laws(replace(one, laws=(synthetic.learned_law(),)), tmp_path)
     parts[law.name] = _table(law)
     base, model = Errors(62e-9, 40e-6, float("nan"), 3800.0), Errors(1.1e-9, 8e-6, 2e-3, 1.01)
-    foretold = Foretold("paper", (), base, model, (ForetoldShot("run-1", True, base, None, "no fit"),))
+    foretold = PredictionTest("paper", (), base, model, (PredictedShot("run-1", True, base, None, "no fit"),))
     parts["foretold.csv"] = _table(export_prediction(foretold, tmp_path))
     check("tables", parts, KEPT)

@@ -13,7 +13,7 @@ import app.report
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.model_file import from_text
 from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.prediction_errors import Foretold, ForetoldShot
+from analysis.diagnosis.verdict.prediction_errors import PredictedShot, PredictionTest
 from analysis.drive.catalogue import LAWS
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings
@@ -174,8 +174,8 @@ def test_models_are_saved_loaded_and_tested(bench, tmp_path, monkeypatch):
     assert work.model.known is None  # the session's model differs from the file
     one.said()
     errors = Errors(62e-9, 40e-6, 3.1e-3, 3800.0), Errors(1.1e-9, 8e-6, 2e-3, 1.01)
-    shots = (ForetoldShot("run-1", True, *errors), ForetoldShot("run-2", False, *errors))
-    monkeypatch.setattr(shot_work, "predicted", lambda *_: Foretold("paper", (DRAG,), *errors, shots))
+    shots = (PredictedShot("run-1", True, *errors), PredictedShot("run-2", False, *errors))
+    monkeypatch.setattr(shot_work, "predicted", lambda *_: PredictionTest("paper", (DRAG,), *errors, shots))
     work.exports.test_model([], path)
     parts["tested"] = one.said()
     work.exports.test_model([], tmp_path / "session.json")

@@ -145,9 +145,9 @@ class BestFirst:
         """
         best = building.searched.best
         if best.effects:
-            return self._search.likelier_without_site(best)
+            return self._search.likelier_without_frame_motion(best)
         try:
-            law = self._question.single_law_given(self._search.base_at_rest())
+            law = self._question.single_law_given(self._search.base_without_frame_motion())
         except AnalysisError:
             return False
         self._law_hides_in_building = law.in_flight_may_reach(building.bic - CRITERIA.law_fall)
@@ -178,7 +178,7 @@ class BestFirst:
         found = law.found
         if found is None or not law.is_likelier_than(likelier.searched.best):
             return
-        if branch is self._in_building and self._search.likelier_without_site(found.fitted):
+        if branch is self._in_building and self._search.likelier_without_frame_motion(found.fitted):
             return
         if at_full_rate(branch.searched.best, branch.searched.trail, self._question.motions) is None:
             self._answer = explain_with_laws(self._question, self._without_effects(branch), law)

@@ -141,7 +141,7 @@ def _found(
     trail: Trail,
 ) -> FoundEffect:
     """Return an effect of a fit with its evidence and its indistinguishable look-alikes."""
-    trail.go_on()
+    trail.raise_if_cancelled()
     fewer = without(best, effect, trail)
     others, lead = indistinguishable_effects(best, effect, residual, separation, trail)
     evidence = {"snr": min(separation.snr, missed_without(best, fewer))}

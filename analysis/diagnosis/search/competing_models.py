@@ -81,7 +81,7 @@ def alternative_without_misfit(
         and other.bic < best.bic + CRITERIA.nearly
     ]
     for other in sorted(near, key=lambda fitted: fitted.bic)[:_FITTED]:
-        trail.go_on()
+        trail.raise_if_cancelled()
         of_other = trail.linearised(other)
         left = residual_of(other, of_other)
         if not left.significant and predicts(other):

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.search.wider_variants import narrower, widened
+from analysis.diagnosis.search.wider_variants import contained_effects, wider_fits
 from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
 from analysis.inference import (
@@ -28,16 +28,16 @@ from analysis.shot import Cancelled, Stop
 
 Result = TypeVar("Result")
 REFITTED = 5
-STRONGER = 3  # further ones, where the residual is far above noise
+EXTRA_CANDIDATES = 3  # further ones, where the residual is far above noise
 WORTH_FINISHING = 40.0  # BIC behind the best after a short search, up to which a longer search is worth its time
 WORTH_FITTING = 8.0  # score gain; with less, a fit never lowers the BIC by as much as required
-UNLEARNED = 3  # further ones, those with the best scores under noise that has not absorbed what the model lacks
-OTHER_FIRSTS = 2  # first effects of restarts where the effects found leave a residual ...
-FIRSTS_IN_WANDER = 4  # ... or wandering noise, which absorbs most of what either of two effects explains alone
-NARROW = 3  # best scores that are fitted per step of a restart: from a right first effect the right next one leads
+UNLEARNED_NOISE_CANDIDATES = 3  # further ones: the best scores under noise that has not absorbed what the model lacks
+RESTARTS = 2  # first effects of restarts where the effects found leave a residual ...
+RESTARTS_IN_WANDERING_NOISE = 4  # ... or wandering noise, which absorbs most of what either of two effects explains
+RESTART_CANDIDATES = 3  # best scores fitted per step of a restart: from a right first effect the right next one leads
 EXPLAINED = 1.1  # chi^2 per sample under noise that was not learnt: clean sets 0.91 to 1.05, a wrong minimum 22
 CLOSE = 500.0  # BIC between two fits; with more, one of them may be in a wrong minimum
-_ANEW = 30.0  # BIC: a fit without an effect is repeated if it is this much worse and the full fit has gained this much
+_REPEAT_BIC = 30.0  # a fit without an effect is repeated if it is worse, and the full fit has gained, by this much BIC
 
 
 @dataclass
@@ -61,7 +61,7 @@ class Trail:
     def __post_init__(self) -> None:
         self.keep(self.start)
 
-    def go_on(self) -> None:
+    def raise_if_cancelled(self) -> None:
         """Raise Cancelled if asked to stop."""
         if self.stop():
             raise Cancelled
@@ -117,7 +117,7 @@ class Trail:
         return self.fits.get(frozenset(effects))
 
 
-def explore(
+def forward_search(
     start: Fitted,
     catalogue: Sequence[TrialEffect],
     stop: Stop,
@@ -129,45 +129,50 @@ def explore(
 ) -> tuple[Fitted, Trail]:
     """Search for at most ``most`` effects in addition to those of ``start``; return the best fit and the trail."""
     trail = Trail(start, catalogue, stop, widens=widens, limit=limit, beat=beat)
-    return climb(start, trail, most), trail
+    return add_effects(start, trail, most), trail
 
 
-def restart_from_other_effects(best: Fitted, trail: Trail, most: int = OTHER_FIRSTS) -> Fitted:
+def restart_from_other_effects(best: Fitted, trail: Trail, most: int = RESTARTS) -> Fitted:
     """Restart the search from ``most`` other first effects: two correlated effects can imitate a third."""
     firsts = [fitted for fitted in trail.alone() if not set(fitted.effects) <= set(best.effects)][:most]
-    ends = [climb(polish(first, trail, from_white=True), trail, CRITERIA.most_effects - 1, NARROW) for first in firsts]
+    ends = [
+        add_effects(converge(first, trail, from_white=True), trail, CRITERIA.most_effects - 1, RESTART_CANDIDATES)
+        for first in firsts
+    ]
     return min([best, *ends], key=lambda fitted: fitted.bic)
 
 
-def paired(trail: Trail) -> Fitted | None:
+def best_untried_pair(trail: Trail) -> Fitted | None:
     """Return the best fit of two effects that were fitted separately but not yet jointly, or None.
 
     A third effect that imitates both may be found first; neither of the two then pays given the third.
     """
-    firsts = [fitted for fitted in trail.alone() if trail.pays(fitted, trail.start)][: NARROW + 1]
+    firsts = [fitted for fitted in trail.alone() if trail.pays(fitted, trail.start)][: RESTART_CANDIDATES + 1]
 
     def together(two: tuple[Fitted, Fitted]) -> Fitted | None:
         one, other = two
-        if narrower(one.effects) & {*other.effects} or narrower(other.effects) & {*one.effects}:
+        if contained_effects(one.effects) & {*other.effects} or contained_effects(other.effects) & {*one.effects}:
             return None
         return with_both_effects(one, other, trail.start, trail.stop)
 
     new = [(a, b) for a, b in itertools.combinations(firsts, 2) if trail.of({*a.effects, *b.effects}) is None]
     fits = [fitted for fitted in side_by_side(together, new) if fitted is not None]
     best = min(fits, key=lambda fitted: fitted.bic, default=None)
-    return None if best is None else polish(best, trail)
+    return None if best is None else converge(best, trail)
 
 
-def climb(here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: int = REFITTED + STRONGER) -> Fitted:
+def add_effects(
+    here: Fitted, trail: Trail, most: int = CRITERIA.most_effects, width: int = REFITTED + EXTRA_CANDIDATES
+) -> Fitted:
     """Add at most ``most`` effects to ``here``, one at a time, each the best of at most ``width`` candidates."""
     for left in range(most - 1, -1, -1):
         first = len(here.effects) == len(trail.start.effects)
         what = "effects of the catalogue" if first else "a further effect of the catalogue"
-        best = trail.within(what, partial(extend, here, trail, first=first, width=width), None)
+        best = trail.within(what, partial(add_best_effect, here, trail, first=first, width=width), None)
         # Either of two true effects alone leaves wandering noise; the threshold for such noise is applied at the end.
         if best is None or here.bic - best.bic < trail.least_fall():
             break
-        here = wider(_polished_first(best, trail) if first else polish(prune(best, trail), trail), trail)
+        here = replace_by_wider(_polished_first(best, trail) if first else converge(prune(best, trail), trail), trail)
         if not may_reach(trail.beat, here.bic, trail.start.bic, left):
             break
     return here
@@ -188,7 +193,7 @@ def nearly_as_likely(first: Fitted, trail: Trail) -> list[Fitted]:
         and one.bic < first.bic + CRITERIA.nearly
         and not any(effect.name in alike for effect in trail.added(one))
     ]
-    return [first, *near][:NARROW]
+    return [first, *near][:RESTART_CANDIDATES]
 
 
 def _polished_first(best: Fitted, trail: Trail) -> Fitted:
@@ -205,17 +210,17 @@ def _polished_first(best: Fitted, trail: Trail) -> Fitted:
         for other in trail.added(one)
         if one not in near and one.bic < best.bic + CLOSE and effect.has_simpler_look_alike(other)
     ]
-    ends = side_by_side(lambda fitted: polish(fitted, trail, from_white=True), [*near, *simpler])
+    ends = side_by_side(lambda fitted: converge(fitted, trail, from_white=True), [*near, *simpler])
     return min(ends, key=lambda fitted: fitted.bic)
 
 
-def wider(here: Fitted, trail: Trail) -> Fitted:
+def replace_by_wider(here: Fitted, trail: Trail) -> Fitted:
     """Return the fit with each effect replaced by its wider variant where that pays."""
     for effect in trail.added(here) if trail.widens else []:
-        for trial in widened(here, effect, trail.stop):
+        for trial in wider_fits(here, effect, trail.stop):
             trail.keep(trial)
             if trail.pays(trial, here):
-                here = polish(trial, trail)
+                here = converge(trial, trail)
     return here
 
 
@@ -224,7 +229,7 @@ def better(fitted: Fitted, other: Fitted) -> bool:
     return fitted.bic < other.bic - CRITERIA.same_end
 
 
-def polish(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
+def converge(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
     """Continue a fit to its minimum: the residual of a short search could pass for one more effect.
 
     ``from_white``: also restart from white noise, since noise learnt in a wrong minimum may keep the search there; on a
@@ -247,11 +252,13 @@ def _may_hide_something(fitted: Fitted) -> bool:
     return fitted.noise.coloured and fitted.chi2(fitted.unlearned_noise) > EXPLAINED * fitted.samples
 
 
-def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFITTED + STRONGER) -> Fitted | None:
+def add_best_effect(
+    here: Fitted, trail: Trail, *, first: bool = False, width: int = REFITTED + EXTRA_CANDIDATES
+) -> Fitted | None:
     """Return the best fit with one more effect, out of the ``width`` best scores; None where no effect scored."""
     at = trail.linearised(here)
     trail.last = at
-    there = {*here.effects, *narrower(here.effects)}
+    there = {*here.effects, *contained_effects(here.effects)}
     free = [kind for kind in trail.catalogue if kind.effect not in there]
     ranked = _ranked(at, free, trail)
     if first:
@@ -261,7 +268,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
     compared = (REFITTED if ranked and ranked[0][0].gain > WORTH_FITTING else 2) if first else 0
     tried = [
         score
-        for place, listed in enumerate(ranked[: min(width, REFITTED + STRONGER if strong else REFITTED)])
+        for place, listed in enumerate(ranked[: min(width, REFITTED + EXTRA_CANDIDATES if strong else REFITTED)])
         if strong or place < compared or listed[0].gain > WORTH_FITTING
         for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
     ]
@@ -272,7 +279,7 @@ def extend(here: Fitted, trail: Trail, *, first: bool = False, width: int = REFI
     if here.noise.coloured:
         # The noise was learnt from the residual and may have absorbed an effect.
         scored = {score.kind.effect for score in tried}
-        other = _ranked(at.under(here.unlearned_noise), free, trail)[:UNLEARNED]
+        other = _ranked(at.under(here.unlearned_noise), free, trail)[:UNLEARNED_NOISE_CANDIDATES]
         tried += [listed[0] for listed in other if listed[0].kind.effect not in scored]
     refitted = _refitted(at, tried, trail.stop)
     known = {score.kind.effect: trail.of((*trail.start.effects, score.kind.effect)) for score in tried if not first}
@@ -325,8 +332,8 @@ def without(fitted: Fitted, effect: Effect, trail: Trail) -> Fitted | None:
     """
     left = frozenset(fitted.effects) - {effect}
     known = trail.of(left)
-    sure = not left or trail.asked.get(left, math.inf) < fitted.bic + _ANEW
-    if known is not None and (sure or (known.converged and known.bic < fitted.bic + _ANEW)):
+    sure = not left or trail.asked.get(left, math.inf) < fitted.bic + _REPEAT_BIC
+    if known is not None and (sure or (known.converged and known.bic < fitted.bic + _REPEAT_BIC)):
         return known
     trail.asked[left] = fitted.bic
     trial = without_effect(fitted, effect, trail.stop)

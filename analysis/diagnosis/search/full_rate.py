@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.diagnosis.search.forward_selection import Trail, polish, prune, without
+from analysis.diagnosis.search.forward_selection import Trail, converge, prune, without
 from analysis.inference import (
     FINE_RATE_HZ,
     Fitted,
@@ -50,7 +50,7 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
     return None if finest is None else _anew(finest, trail)
 
 
-def with_sway_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
+def with_frame_response_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Recompute the response to frame motion along the fitted motion; return the best fit and its trail."""
     here = best if best is trail.start else on_frame_anew(best, trail.stop)
     return (best, trail) if here is best else _anew(here, trail)
@@ -60,7 +60,7 @@ def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Return the best fit, which was made on other data of the same shots, with a new trail on these data."""
     anew = replace(trail, start=_at(trail.start, best.problem.data, trail.stop), fits={}, asked={})
     anew.keep(best)
-    return polish(prune(best, anew), anew), anew
+    return converge(prune(best, anew), anew), anew
 
 
 def _at(fitted: Fitted, data: JointData, stop: Stop) -> Fitted:

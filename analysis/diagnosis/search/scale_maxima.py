@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.collision import Effect
 from analysis.compiled import side_by_side
-from analysis.diagnosis.search.forward_selection import WORTH_FINISHING, Trail, better, polish, without
+from analysis.diagnosis.search.forward_selection import WORTH_FINISHING, Trail, better, converge, without
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 
@@ -32,7 +32,7 @@ def at_likeliest_scale(fitted: Fitted, trail: Trail, *, thoroughly: bool = True)
     best = min(at_other_scales(fitted, trail, thoroughly=thoroughly), key=lambda one: one.bic, default=fitted)
     if not better(best, fitted):
         return fitted
-    key, polished = frozenset(fitted.effects), polish(best, trail)
+    key, polished = frozenset(fitted.effects), converge(best, trail)
     trail.elsewhere[key] = [polished, *(one for one in trail.elsewhere[key] if one is not best)]
     return polished
 

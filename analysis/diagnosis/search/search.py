@@ -12,9 +12,9 @@ import numpy as np
 
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.search.forward_selection import Trail, climb, nearly_as_likely, paired
-from analysis.diagnosis.search.full_rate import with_sway_updated
-from analysis.diagnosis.search.search_starts import accept, explored
+from analysis.diagnosis.search.forward_selection import Trail, add_effects, best_untried_pair, nearly_as_likely
+from analysis.diagnosis.search.full_rate import with_frame_response_updated
+from analysis.diagnosis.search.search_starts import accept, search_from_base
 from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.conclusion import leaves_something
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -62,11 +62,11 @@ class SearchResult:
         """Return the search after the rounds that were left out, where there is a residual to explain."""
         if not self.rounds or not self.residual.significant:
             return self
-        return SearchResult(climb(self.best, self.trail, self.rounds), self.trail, self.catalogue)
+        return SearchResult(add_effects(self.best, self.trail, self.rounds), self.trail, self.catalogue)
 
     def with_pairs(self) -> "SearchResult":
         """Return the search with the best pair of effects not yet tried jointly, where that is likelier."""
-        pair = self.trail.within("two effects that hide each other", lambda: paired(self.trail), None)
+        pair = self.trail.within("two effects that hide each other", lambda: best_untried_pair(self.trail), None)
         return self if pair is None or pair.bic >= self.best.bic else replace(self, best=pair)
 
 
@@ -100,14 +100,16 @@ class Search:
             start = on_frame_anew(start, self.stop) if self.accepted else start
             self.tell("scoring the catalogue", 0.15)
             if site is None:
-                return explored(start, self.given, catalogue, self.stop, most=most, limit=self.limit, beat=beat)
+                return search_from_base(start, self.given, catalogue, self.stop, most=most, limit=self.limit, beat=beat)
             # A missing effect makes plates seem to move, which could pass for a second effect.
-            first, trail = explored(start, self.given, catalogue, self.stop, most=1, limit=self.limit)
-            each = side_by_side(lambda fitted: with_sway_updated(fitted, trail), nearly_as_likely(first, trail))
+            first, trail = search_from_base(start, self.given, catalogue, self.stop, most=1, limit=self.limit)
+            each = side_by_side(
+                lambda fitted: with_frame_response_updated(fitted, trail), nearly_as_likely(first, trail)
+            )
             first, trail = min(each, key=lambda updated: updated[0].bic)
             more = most - len(trail.added(first))
-            best = climb(first, trail, more) if trail.added(first) else first
-            return (best, trail) if best is first else with_sway_updated(best, trail)
+            best = add_effects(first, trail, more) if trail.added(first) else first
+            return (best, trail) if best is first else with_frame_response_updated(best, trail)
 
         along = own_flights(data.shots, CRITERIA.own_flights)
         best, trail = along_with(along)
@@ -120,11 +122,11 @@ class Search:
         added = len(trail.added(best))
         return SearchResult(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)
 
-    def base_at_rest(self) -> Fitted:
+    def base_without_frame_motion(self) -> Fitted:
         """Return the base model's fit without frame motion.  Raises AnalysisError where there is none."""
         return base_fit(joint_data(self.shots, self.given, None), self.given, self.stop)
 
-    def likelier_without_site(self, best: Fitted) -> bool:
+    def likelier_without_frame_motion(self, best: Fitted) -> bool:
         """Return whether the shots are likelier without frame motion, given the same effects; costs one more fit.
 
         An effect that bends flights can be mistaken for frame motion.  The strengths of that motion, learnt with a

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
-from analysis.diagnosis.search.forward_selection import Trail, better, climb, explore
-from analysis.diagnosis.search.wider_variants import narrower
+from analysis.diagnosis.search.forward_selection import Trail, add_effects, better, forward_search
+from analysis.diagnosis.search.wider_variants import contained_effects
 from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Point, SearchStart, TrialEffect, first_guesses, joined
@@ -22,11 +22,11 @@ def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[Ef
     for effect in accepted:
         if effect not in kinds:
             raise ValueError(f"no effect is called {effect.name!r}; there are {', '.join(e.name for e in kinds)}")
-    held = narrower(accepted)
+    held = contained_effects(accepted)
     return joined(base, [kinds[effect] for effect in accepted if effect not in held], stop)
 
 
-def explored(
+def search_from_base(
     before: Fitted,
     given: SearchStart,
     catalogue: Sequence[TrialEffect],
@@ -39,10 +39,10 @@ def explored(
     """Search for at most ``most`` effects; return best fit and trail.  ``given`` is the start of the base fit."""
     if not before.converged and given.left > CRITERIA.drawn_far:
         return _from_the_guess(before, catalogue, stop, limit)
-    best, trail = explore(before, catalogue, stop, most=most, limit=limit, beat=beat)
+    best, trail = forward_search(before, catalogue, stop, most=most, limit=limit, beat=beat)
     again = trail.of(before.effects)
     if again is not None and better(again, before):  # adding and removing an effect led to a better minimum of the base
-        return explore(again, catalogue, stop, most=most, limit=limit, beat=beat)
+        return forward_search(again, catalogue, stop, most=most, limit=limit, beat=beat)
     return best, trail
 
 
@@ -68,9 +68,9 @@ def _from_the_guess(
         except Infeasible:
             continue
         trail = Trail(before, catalogue, stop, limit=limit)
-        best = climb(there, trail)
+        best = add_effects(there, trail)
         if best is not there and best.bic < before.bic:
             climbs.append((best, trail))
     if climbs:
         return min(climbs, key=lambda climbed: climbed[0].bic)
-    return explore(before, catalogue, stop, limit=limit)
+    return forward_search(before, catalogue, stop, limit=limit)

@@ -10,12 +10,12 @@ from analysis.inference import Fitted, Point, TrialEffect, trial_effect
 from analysis.shot import Stop
 
 
-def narrower(effects: Iterable[Effect]) -> set[Effect]:
+def contained_effects(effects: Iterable[Effect]) -> set[Effect]:
     """Return the effects that these contain, which therefore cannot join in addition to them."""
     return {CATALOGUE[effect.widens] for effect in effects if effect.widens}
 
 
-def widened(here: Fitted, effect: Effect, stop: Stop) -> list[Fitted]:
+def wider_fits(here: Fitted, effect: Effect, stop: Stop) -> list[Fitted]:
     """Return the fits with one effect replaced by each of its wider variants, started at its parameters."""
     rows = [row for row in WIDER.values() if row.widens == effect.key]
     if here.problem.data.base.one_body:

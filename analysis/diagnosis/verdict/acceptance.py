@@ -15,8 +15,8 @@ from analysis.diagnosis.search.competing_models import (
     with_look_alikes_tried,
 )
 from analysis.diagnosis.search.forward_selection import (
-    FIRSTS_IN_WANDER,
-    OTHER_FIRSTS,
+    RESTARTS,
+    RESTARTS_IN_WANDERING_NOISE,
     Trail,
     better,
     restart_from_other_effects,
@@ -153,7 +153,7 @@ def settle(
     wanders = settled.best.wanders_in_contact_alone
     if not settled.residual.significant and not wanders:
         return settled
-    firsts = FIRSTS_IN_WANDER if wanders else OTHER_FIRSTS
+    firsts = RESTARTS_IN_WANDERING_NOISE if wanders else RESTARTS
     progress("searching from other first effects", 0.75)
     timed = replace(trail, stop=limit)
     what = "the search from other first effects"

@@ -76,7 +76,7 @@ def searching(
 ) -> BestFirst:
     found = BestFirst(question or DiagnosisInput())
     found._in_building, found._at_rest = building, rest
-    like: Any = SimpleNamespace(likelier_without_site=lambda best: without_site)
+    like: Any = SimpleNamespace(likelier_without_frame_motion=lambda best: without_site)
     found._search = like
     return found
 
@@ -135,7 +135,7 @@ def test_a_building_that_explains_all_by_itself_is_asked_for_one_law_that_it_hid
     question.single_law_given = lambda start: SimpleNamespace(of=start, in_flight_may_reach=reaches)
     building = branch(0.0, left=False, named=EXPLAINED, effects=())
     search = searching(building, None, question)
-    search._search.base_at_rest = lambda: "at rest"  # type: ignore[method-assign, assignment]
+    search._search.base_without_frame_motion = lambda: "at rest"  # type: ignore[method-assign, assignment]
     step: Any = search._next_step()
     assert asked == [-28.0] and getattr(step, "func", step).__name__ == ("_search_at_rest" if hides else "_end_with")
     search._at_rest = branch(50.0, tried=False)
@@ -146,7 +146,7 @@ def test_a_building_that_explains_all_by_itself_is_asked_for_one_law_that_it_hid
         raise AnalysisError("no motion comes near")
 
     search = searching(building, None, question)
-    search._search.base_at_rest = nowhere  # type: ignore[method-assign, assignment]
+    search._search.base_without_frame_motion = nowhere  # type: ignore[method-assign, assignment]
     assert search._next_step().func.__name__ == "_end_with"  # type: ignore[attr-defined]
 
 
@@ -249,7 +249,7 @@ def test_one_law_takes_the_place_of_effects_where_nothing_speaks_against_it(
         is_likelier_than=lambda best: asked.append(best) or changed != "less likely",
     )
     trial.law = law
-    given._search = SimpleNamespace(likelier_without_site=lambda fit: changed == "site" and fit == "law's fit")
+    given._search = SimpleNamespace(likelier_without_frame_motion=lambda fit: changed == "site" and fit == "law's fit")
     monkeypatch.setattr(
         module, "at_full_rate", lambda best, trail, motions: (best, trail, motions) if changed == "ripple" else None
     )

@@ -12,9 +12,9 @@ from analysis.collision.effects import named
 from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import (
     Trail,
-    explore,
+    converge,
+    forward_search,
     nearly_as_likely,
-    polish,
     restart_from_other_effects,
 )
 from analysis.inference.fit.added_effect import refit, with_both_effects
@@ -30,7 +30,7 @@ def test_two_effects_that_look_like_a_third_are_found_by_another_way() -> None:
     )
     before = base_fit(motions)
     catalogue = [KINDS[name] for name in (*true, "viscous_drag", "frame_vibration")]
-    greedy, trail = explore(before, catalogue, calm, most=2)
+    greedy, trail = forward_search(before, catalogue, calm, most=2)
     assert named("viscous_drag") in greedy.effects
     best = restart_from_other_effects(greedy, trail)
     assert {effect.name for effect in best.effects} == true and best.bic < greedy.bic - 100
@@ -86,7 +86,7 @@ def test_a_fit_far_behind_another_is_not_followed_to_its_end(monkeypatch: pytest
 def test_two_that_nearly_undo_each_other_are_found_though_neither_pays_alone() -> None:
     effects = {"contact_exponent": {"delta": 1.7e-5}, "coulomb_friction": {"force_n": 1.05e-8}}
     before = base_fit(shots(effects, seed=5))
-    greedy, trail = explore(before, [KINDS[name] for name in (*effects, "cubic_stiffness")], calm)
+    greedy, trail = forward_search(before, [KINDS[name] for name in (*effects, "cubic_stiffness")], calm)
     assert greedy is before
     assert {effect.name for effect in restart_from_other_effects(greedy, trail).effects} == set(effects)
 
@@ -106,7 +106,7 @@ def test_a_search_that_is_cut_off_must_not_have_lost_likelihood(gain: float, con
 
     further = ended(100.0 + gain, converged=converged)
     before = ended(100.0, converged=False, fitted_on=lambda **_: further)
-    assert polish(before, Trail(before, (), calm)) is (further if taken else before)
+    assert converge(before, Trail(before, (), calm)) is (further if taken else before)
 
 
 def test_the_first_effect_alone_is_also_fitted_from_white_noise(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,10 +123,10 @@ def test_the_first_effect_alone_is_also_fitted_from_white_noise(monkeypatch: pyt
         anew.append((len(fitted.effects), from_white))
         return fitted
 
-    for name, instead in (("extend", extended), ("polish", polished), ("prune", lambda best, _trail: best)):
+    for name, instead in (("add_best_effect", extended), ("converge", polished), ("prune", lambda best, _trail: best)):
         monkeypatch.setattr(forward_selection, name, instead)
     start: Any = fits[0]
-    assert forward_selection.climb(start, Trail(start, (), calm, widens=False), 3) is fits[3]
+    assert forward_selection.add_effects(start, Trail(start, (), calm, widens=False), 3) is fits[3]
     assert anew == [(1, True), (2, False), (3, False)]
 
 
@@ -136,9 +136,9 @@ def test_what_cannot_come_below_a_likelier_search_is_not_followed(gains: float, 
     true = {"coulomb_friction": {"force_n": 2e-6}, "cubic_stiffness": {"coefficient_n_per_m3": 2e4}}
     start = base_fit(shots(true))
     catalogue = [KINDS[name] for name in true]
-    one, _ = explore(start, catalogue, calm, most=1)
+    one, _ = forward_search(start, catalogue, calm, most=1)
     beat = start.bic - gains * (start.bic - one.bic)
-    best, _ = explore(start, catalogue, calm, most=2, beat=beat)
+    best, _ = forward_search(start, catalogue, calm, most=2, beat=beat)
     assert len(best.effects) == found
 
 
@@ -166,7 +166,7 @@ def test_a_simpler_look_alike_of_the_first_effect_is_brought_to_its_end_beside_i
         assert from_white
         return SimpleNamespace(effects=one.effects, bic=-2000.0 + (ends_behind if one is simpler else 0.0))
 
-    monkeypatch.setattr(forward_selection, "polish", polished)
+    monkeypatch.setattr(forward_selection, "converge", polished)
     (name,) = forward_selection._polished_first(arm, trail).effects
     assert name == named(other if taken else "viscoelastic_arm")
 

@@ -44,7 +44,7 @@ def test_without_a_found_effect_the_sway_stays_as_it_is(monkeypatch: pytest.Monk
     monkeypatch.setattr(full_rate, "on_frame_anew", lambda *_: pytest.fail("nothing is fitted anew"))
     start: Any = Some()
     trail: Any = Some(start=start, stop=calm)
-    assert full_rate.with_sway_updated(start, trail) == (start, trail)
+    assert full_rate.with_frame_response_updated(start, trail) == (start, trail)
 
 
 def test_what_remains_to_be_fitted_at_the_records_rate_ends_when_asked_to(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,7 +234,7 @@ def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
 
     monkeypatch.setattr(full_rate, "_at", at)
     monkeypatch.setattr(full_rate, "prune", lambda fitted, trail: asked.append(trail) or ("pruned", fitted))
-    monkeypatch.setattr(full_rate, "polish", lambda fitted, trail: ("polished", fitted))
+    monkeypatch.setattr(full_rate, "converge", lambda fitted, trail: ("polished", fitted))
     found, trail = full_rate._anew(best, old)
     assert found == ("polished", ("pruned", best)) and asked == [trail] and trail is not old  # type: ignore[comparison-overlap]
     assert trail.start is again and trail.of([named("tilt")]) is best and not trail.asked and old.asked
@@ -242,5 +242,5 @@ def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(full_rate, "on_frame_anew", lambda fitted, stop: best if stop is calm else None)
     monkeypatch.setattr(full_rate, "_anew", lambda fitted, trail: (fitted, "anew", trail))
     other: Any = Some()
-    assert full_rate.with_sway_updated(other, old) == (best, "anew", old)
-    assert full_rate.with_sway_updated(best, old) == (best, old)
+    assert full_rate.with_frame_response_updated(other, old) == (best, "anew", old)
+    assert full_rate.with_frame_response_updated(best, old) == (best, old)

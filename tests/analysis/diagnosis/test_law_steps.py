@@ -145,8 +145,13 @@ class Forms:
         patch.setattr(module, "_led_on", led_on)
         patch.setattr(module, "over_kinks", lambda fitted, stop: self.asked.append(f"kinks {fitted.name}") or fitted)
         patch.setattr(module, "residual_of", lambda fitted, at: ("left", fitted.name, at))
-        patch.setattr(module, "predict", lambda fitted, held, noise, stop: SimpleNamespace(
-            of=(fitted.name, held, noise), predicts_significantly_better=lambda other: other.of[0] == "start"))  # fmt: skip
+        patch.setattr(
+            module,
+            "predict",
+            lambda fitted, held, noise, stop: SimpleNamespace(
+                of=(fitted.name, held, noise), predicts_significantly_better=lambda other: other.of[0] == "start"
+            ),
+        )
         patch.setattr(module, "as_learned", lambda *given: self.read.append(given) or "law")
 
     @staticmethod

@@ -91,7 +91,7 @@ def test_an_alternative_that_leaves_noise_is_taken(
     left = SimpleNamespace(significant=not noise)
     monkeypatch.setattr(module, "residual_of", lambda fitted, at: left)
     trail: Any = SimpleNamespace(
-        fits={frozenset(effects): other}, go_on=lambda: None, linearised=lambda fit: "other at"
+        fits={frozenset(effects): other}, raise_if_cancelled=lambda: None, linearised=lambda fit: "other at"
     )
     given: Any = (best, "at", "residual", trail, lambda fit: predicts)
     found: Any = module.alternative_without_misfit(*given)

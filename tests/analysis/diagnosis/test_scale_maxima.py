@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.diagnosis.search.forward_selection import Trail, climb
+from analysis.diagnosis.search.forward_selection import Trail, add_effects
 from analysis.diagnosis.search.scale_maxima import at_likeliest_scale, at_other_scales, with_std_over
 from analysis.inference import Fitted, effect_parameters, refit
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
@@ -19,7 +19,7 @@ SUPPORT = KINDS["support_compliance"]
 def searched(compliance_m_per_n: float, frequency_hz: float) -> tuple[Fitted, Trail]:
     values = {"compliance_m_per_n": compliance_m_per_n, "frequency_hz": frequency_hz}
     trail = Trail(base_fit(shots({"support_compliance": values})), [SUPPORT], calm)
-    return climb(trail.start, trail, 1), trail
+    return add_effects(trail.start, trail, 1), trail
 
 
 @pytest.fixture(scope="module")

@@ -38,7 +38,7 @@ def test_a_search_goes_on_where_rounds_are_left_and_something_is(
     best, trail = fit(5.0), trail_of(fit(9.0))
     left = SimpleNamespace(significant=significant)
     monkeypatch.setattr(search, "residual_of", lambda fitted, at: left if at == ("linear", fitted) else None)
-    monkeypatch.setattr(search, "climb", lambda *given: given)
+    monkeypatch.setattr(search, "add_effects", lambda *given: given)
     monkeypatch.setattr(search, "leaves_something", lambda residual, *, nothing_pays: (residual, nothing_pays))
     searched = SearchResult(best, trail, ("catalogue",), rounds)
     assert searched.leaves_something == (left, True)
@@ -52,7 +52,9 @@ def test_two_effects_that_hide_each_other_take_the_place_where_they_are_likelier
 ) -> None:
     searched = SearchResult(fit(5.0), trail_of(fit(9.0)), (), 1)
     for pair, taken in ((None, False), (fit(5.0), False), (fit(4.9), True)):
-        monkeypatch.setattr(search, "paired", lambda trail, pair=pair: pair if trail is searched.trail else "other")
+        monkeypatch.setattr(
+            search, "best_untried_pair", lambda trail, pair=pair: pair if trail is searched.trail else "other"
+        )
         found = searched.with_pairs()
         assert (found.best is pair) is taken and (found is searched) is not taken and found.rounds == 1
 
@@ -69,10 +71,10 @@ class Stage:
         self.compared = {True: True, False: True} | more.get("compared", {})
         self.pays = more.get("pays", True)
 
-        def explored(start: Any, given: Any, catalogue: Any, stop: Any, **options: Any) -> Any:
+        def search_from_base(start: Any, given: Any, catalogue: Any, stop: Any, **options: Any) -> Any:
             beside = start[1][4]
             names = [kind.effect.name for kind in catalogue]
-            self.asked.append(("explored", start, given, names, stop, options))
+            self.asked.append(("search_from_base", start, given, names, stop, options))
             best = (self.first if options["most"] == 1 else self.best) if beside or not along else self.plain
             return best, trail_of(self.start, compared=self.compared[bool(beside)])
 
@@ -81,16 +83,18 @@ class Stage:
         patch.setattr(search, "base_fit", lambda data, *given: ("base", data.shots, *given))
         patch.setattr(search, "accept", lambda base, *given: ("accepted", base, *given))
         patch.setattr(search, "on_frame_anew", lambda start, stop: ("anew", *start[1:], stop))
-        patch.setattr(search, "explored", explored)
+        patch.setattr(search, "search_from_base", search_from_base)
         patch.setattr(search, "resembles_frame_motion", lambda effect: effect in (TILT, ARM))
         patch.setattr(search, "nearly_as_likely", lambda first, trail: [fit(51.0, TILT), first])
         patch.setattr(
             search,
-            "with_sway_updated",
+            "with_frame_response_updated",
             lambda fitted, trail: (fit(fitted.bic - 1.0, *fitted.effects, swayed=True), trail),
         )
         patch.setattr(
-            search, "climb", lambda here, trail, most: self.asked.append(("climb", here, most)) or self.climbed(here)
+            search,
+            "add_effects",
+            lambda here, trail, most: self.asked.append(("add_effects", here, most)) or self.climbed(here),
         )
         patch.setattr(search, "_nuisances_pay", lambda best, nuisances, stop: self.pays and nuisances == along)
         self.climbed = more.get("climbed", lambda here: self.best)
@@ -121,18 +125,18 @@ def test_at_rest_the_whole_catalogue_is_searched(monkeypatch: pytest.MonkeyPatch
 def test_on_a_moving_frame_its_motion_is_no_finding_and_its_response_follows(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Stage(monkeypatch)
     searched = stage.search(accepted=(TILT,)).under("site", most=3)  # type: ignore[arg-type]
-    *_, (_, start, _, names, _, options), climb = stage.asked
+    *_, (_, start, _, names, _, options), added = stage.asked
     assert names == ["viscous_drag", "tilt"]  # which the model has, though it resembles a frame
     assert start[1][1] == ("shots", ("shots", "given", "site")) and start[0] == "anew" and start[-1] == "stop"
     assert options == {"most": 1, "limit": None}  # plates seem to move where an effect is missing
-    assert climb[1].bic == 49.0 and climb[1].effects == (DRAG,) and climb[2] == 2  # likelier by the frame's response
+    assert added[1].bic == 49.0 and added[1].effects == (DRAG,) and added[2] == 2  # likelier by the frame's response
     assert (searched.best.bic, searched.best.swayed) == (39.0, True)
     still = Stage(monkeypatch, climbed=lambda here: here)
     assert still.search().under("site").best.bic == 49.0  # type: ignore[arg-type]
     none = Stage(monkeypatch)
     none.first = fit(60.0)
     monkeypatch.setattr(search, "nearly_as_likely", lambda first, trail: [first])
-    assert none.search().under("site").best.bic == 59.0 and none.asked[-1][0] == "explored"  # type: ignore[arg-type]
+    assert none.search().under("site").best.bic == 59.0 and none.asked[-1][0] == "search_from_base"  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -152,7 +156,7 @@ def test_accelerations_of_each_shots_own_stay_where_they_pay(
     stage.plain = fit(plain, DRAG)
     searched = stage.search().under(None)
     assert searched.best is (stage.best if own else stage.plain)
-    with_them, without = (one for one in stage.asked if one[0] == "explored")
+    with_them, without = (one for one in stage.asked if one[0] == "search_from_base")
     assert with_them[1][1][4] == ("own",) and without[1][1][4] == ()
 
 
@@ -171,11 +175,11 @@ def test_a_fit_may_be_likelier_without_a_building(better: bool, monkeypatch: pyt
         100.0, DRAG, residual_m=[np.array([3.0, -4.0]), np.array([0.0, 5.0])], problem="problem", noise=noise, z="z"
     )
     one = Search("shots", "given", (), (), print, "stop")  # type: ignore[arg-type]
-    assert one.likelier_without_site(best) is better
+    assert one.likelier_without_frame_motion(best) is better
     ((problem, new),) = made
     assert problem == "problem" and new["data"] == ("shots", "given", None)
     assert new["noise"] == (pytest.approx(math.sqrt(50.0 / 4)), 2e-5)
-    assert not one.likelier_without_site(fit(100.0))  # there is nothing that bends flights
+    assert not one.likelier_without_frame_motion(fit(100.0))  # there is nothing that bends flights
 
 
 @pytest.mark.parametrize(("bic", "pay"), [(99.9, False), (100.1, True), (None, True)])
@@ -203,7 +207,7 @@ def test_effects_that_the_model_has_join_the_base_but_for_those_that_others_hold
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(search_starts, "joined", lambda *given: given)
-    monkeypatch.setattr(search_starts, "narrower", lambda effects: {DRAG} if TILT in effects else set())
+    monkeypatch.setattr(search_starts, "contained_effects", lambda effects: {DRAG} if TILT in effects else set())
     catalogue = [KINDS[name] for name in ("viscous_drag", "tilt")]
     given: Any = ("base", catalogue)
     assert search_starts.accept(*given, (DRAG,), "stop") == ("base", catalogue[:1], "stop")  # type: ignore[arg-type]
@@ -220,22 +224,22 @@ def test_where_effects_led_the_base_to_a_better_minimum_the_search_begins_there(
     better = None if again is None else fit(again)
     asked: list[Any] = []
 
-    def explore(start: Any, *given: Any, **options: Any) -> Any:
+    def forward_search(start: Any, *given: Any, **options: Any) -> Any:
         asked.append((start, given, options))
         return f"best of {len(asked)}", SimpleNamespace(of=lambda effects: better if effects == () else None)
 
-    monkeypatch.setattr(search_starts, "explore", explore)
+    monkeypatch.setattr(search_starts, "forward_search", forward_search)
     monkeypatch.setattr(search_starts, "_from_the_guess", lambda *given: given)
     start: Any = SimpleNamespace(left=1.01 * CRITERIA.drawn_far)
     options: Any = {"most": 2, "limit": "limit", "beat": 7.0}
     given: Any = (start, "catalogue", "stop")
-    best, _ = search_starts.explored(before, *given, **options)
+    best, _ = search_starts.search_from_base(before, *given, **options)
     assert best == ("best of 2" if twice else "best of 1")
     assert asked == [(one, ("catalogue", "stop"), options) for one in ([before, better] if twice else [before])]
     before.converged = False
-    assert search_starts.explored(before, *given, **options) == (before, "catalogue", "stop", "limit")
+    assert search_starts.search_from_base(before, *given, **options) == (before, "catalogue", "stop", "limit")
     start.left = 0.99 * CRITERIA.drawn_far
-    assert search_starts.explored(before, *given, **options)[0] in ("best of 2", "best of 3", "best of 4")
+    assert search_starts.search_from_base(before, *given, **options)[0] in ("best of 2", "best of 3", "best of 4")
 
 
 @pytest.mark.parametrize("ends", [{1.0: 80.0, 0.01: 70.0}, {1.0: 60.0, 0.01: 70.0}, {0.01: 99.0}, {1.0: 101.0}, {}])
@@ -261,25 +265,25 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
     before: Any = fit(100.0, problem=problem, point=SimpleNamespace(values="values"))
     monkeypatch.setattr(search_starts, "first_guesses", lambda *given: [guess])
     monkeypatch.setattr(search_starts, "Trail", lambda *given, **named: SimpleNamespace(given=given, named=named))
-    monkeypatch.setattr(search_starts, "climb", lambda there, trail: fit(ends[there.softer], DRAG))
-    monkeypatch.setattr(search_starts, "explore", lambda *given, **named: ("explored", given, named))
+    monkeypatch.setattr(search_starts, "add_effects", lambda there, trail: fit(ends[there.softer], DRAG))
+    monkeypatch.setattr(search_starts, "forward_search", lambda *given, **named: ("search_from_base", given, named))
     found: Any = search_starts._from_the_guess(before, "catalogue", "stop", "limit")  # type: ignore[arg-type]
     least = min((bic for bic in ends.values() if bic < 100.0), default=None)
     if least is None:
-        assert found == ("explored", (before, "catalogue", "stop"), {"limit": "limit"})
+        assert found == ("search_from_base", (before, "catalogue", "stop"), {"limit": "limit"})
     else:
         assert found[0].bic == least and found[1].given == (before, "catalogue", "stop")
         assert found[1].named == {"limit": "limit"}
     assert len(packed) == 2 and np.array_equal(packed[0].own, [[1.0, 2.0, 3.0]] * 2) and packed[0].values == "values"
-    monkeypatch.setattr(search_starts, "climb", lambda there, trail: there)  # where no effect joins
-    assert search_starts._from_the_guess(before, "catalogue", "stop", None)[0] == "explored"  # type: ignore[arg-type]
+    monkeypatch.setattr(search_starts, "add_effects", lambda there, trail: there)  # where no effect joins
+    assert search_starts._from_the_guess(before, "catalogue", "stop", None)[0] == "search_from_base"  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("one_body", [True, False])
 @pytest.mark.parametrize("feasible", [True, False])
 def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_body: bool, feasible: bool) -> None:
     (row,) = WIDER.values()
-    (narrow,) = wider_variants.narrower([row, TILT])
+    (narrow,) = wider_variants.contained_effects([row, TILT])
     kept = KINDS["tilt"]
     made: list[Any] = []
 
@@ -299,8 +303,8 @@ def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_b
         ),
         effective=Point("base", "own", ({TILT: {"angle_rad": 1.0}, narrow: {"frequency_hz": 77.0}},)),  # type: ignore[arg-type]
     )
-    found = wider_variants.widened(here, narrow, "stop")  # type: ignore[arg-type]
-    assert wider_variants.widened(here, TILT, "stop") == []  # type: ignore[arg-type]
+    found = wider_variants.wider_fits(here, narrow, "stop")  # type: ignore[arg-type]
+    assert wider_variants.wider_fits(here, TILT, "stop") == []  # type: ignore[arg-type]
     if one_body and not row.one_body:
         assert found == [] == made
         return

@@ -93,7 +93,7 @@ class Round:
         patch.setattr(module, "with_both_effects", both)
 
     def best(self, **how: Any) -> Any:
-        return module.extend(self.here, self.trail, **how)  # type: ignore[arg-type]
+        return module.add_best_effect(self.here, self.trail, **how)  # type: ignore[arg-type]
 
     def effects(self) -> list[Any]:
         return list(dict.fromkeys(effect for effect, _ in self.tried))
@@ -302,13 +302,15 @@ def test_pairs_of_effects_that_were_fitted_alone_are_fitted_together_once(monkey
 
     ends = {(TILT, row): 60.0}
     monkeypatch.setattr(module, "with_both_effects", together)
-    monkeypatch.setattr(module, "polish", lambda fitted, trail: ("polished", fitted))
-    found: Any = module.paired(trail)
+    monkeypatch.setattr(module, "converge", lambda fitted, trail: ("polished", fitted))
+    found: Any = module.best_untried_pair(trail)
     # the four likeliest that pay; drag and tilt are known together, and the wider holds the narrow
     assert sorted(asked, key=str) == sorted([(DRAG, narrow), (DRAG, row), (TILT, narrow), (TILT, row)], key=str)
     assert found[0] == "polished" and found[1].bic == 60.0
-    assert module.paired(trail_of(Fit(900.0), Fit(100.0, DRAG))) is None
-    assert module.paired(trail_of(Fit(900.0), Fit(100.0, DRAG), Fit(110.0, TILT), Fit(0.0, DRAG, TILT))) is None
+    assert module.best_untried_pair(trail_of(Fit(900.0), Fit(100.0, DRAG))) is None
+    assert (
+        module.best_untried_pair(trail_of(Fit(900.0), Fit(100.0, DRAG), Fit(110.0, TILT), Fit(0.0, DRAG, TILT))) is None
+    )
 
 
 def test_a_search_begins_again_at_the_two_likeliest_effects_that_were_not_found(
@@ -321,8 +323,8 @@ def test_a_search_begins_again_at_the_two_likeliest_effects_that_were_not_found(
         asked.append((first, most, width))
         return Fit(ends[first[1].effects[0]])
 
-    monkeypatch.setattr(module, "climb", climbed)
-    monkeypatch.setattr(module, "polish", lambda fitted, trail, *, from_white: ("polished", fitted, from_white))
+    monkeypatch.setattr(module, "add_effects", climbed)
+    monkeypatch.setattr(module, "converge", lambda fitted, trail, *, from_white: ("polished", fitted, from_white))
     alone = [Fit(100.0 + k, one) for k, one in enumerate((DRAG, ADHESION, MODE, CUBIC))]
     trail, best = trail_of(Fit(900.0), *alone), Fit(80.0, DRAG, TILT)
     found: Any = module.restart_from_other_effects(best, trail)  # type: ignore[arg-type]
@@ -359,22 +361,22 @@ def test_effects_join_one_at_a_time_while_each_pays(
         asked.append((first, width))
         return fits[len(here.effects) + 1]
 
-    monkeypatch.setattr(module, "extend", extended)
-    monkeypatch.setattr(module, "wider", lambda here, trail: here)
+    monkeypatch.setattr(module, "add_best_effect", extended)
+    monkeypatch.setattr(module, "replace_by_wider", lambda here, trail: here)
     monkeypatch.setattr(module, "_polished_first", lambda fitted, trail: fitted)
     monkeypatch.setattr(module, "prune", lambda fitted, trail: fitted)
-    monkeypatch.setattr(module, "polish", lambda fitted, trail: fitted)
+    monkeypatch.setattr(module, "converge", lambda fitted, trail: fitted)
     trail = Trail(fits[0], [KINDS["tilt"]] * 20, calm, beat=beat)  # type: ignore[arg-type]
-    assert len(module.climb(fits[0], trail, most, 5).effects) == left  # type: ignore[arg-type]
+    assert len(module.add_effects(fits[0], trail, most, 5).effects) == left  # type: ignore[arg-type]
     assert asked[0] == (True, 5) and all(one == (False, 5) for one in asked[1:])
 
 
 def test_a_trail_stops_where_it_is_asked_to() -> None:
     trail = Trail(Fit(1.0), (), lambda: True)  # type: ignore[arg-type]
     with pytest.raises(Cancelled):
-        trail.go_on()
+        trail.raise_if_cancelled()
     trail.stop = calm
-    trail.go_on()
+    trail.raise_if_cancelled()
 
 
 @pytest.mark.parametrize(
@@ -406,12 +408,12 @@ def test_a_search_is_made_anew_from_white_noise_where_the_learnt_noise_may_hide_
             return Polished(bic - 7.0, DRAG)
 
     trail, begin = trail_of(Fit(900.0)), Polished(500.0, DRAG)
-    found: Any = module.polish(begin, trail, from_white=True)  # type: ignore[arg-type]
+    found: Any = module.converge(begin, trail, from_white=True)  # type: ignore[arg-type]
     assert found.bic == (bic - 7.0 if anew else bic) and trail.of([DRAG]) is found
     on = ("on", 60, True, calm)
     assert asked == [on, ("white", 60, calm), on] if anew else [on]
     asked.clear()
-    module.polish(begin, trail)  # type: ignore[arg-type]
+    module.converge(begin, trail)  # type: ignore[arg-type]
     assert asked == [on]
 
 
@@ -420,10 +422,10 @@ def test_a_wider_effect_takes_the_place_where_it_pays(
     widens: bool, bic: float, taken: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trial = Fit(bic, MODE)
-    monkeypatch.setattr(module, "widened", lambda here, effect, stop: [trial] if effect is DRAG else [])
-    monkeypatch.setattr(module, "polish", lambda fitted, trail: Fit(fitted.bic - 1.0, *fitted.effects))
+    monkeypatch.setattr(module, "wider_fits", lambda here, effect, stop: [trial] if effect is DRAG else [])
+    monkeypatch.setattr(module, "converge", lambda fitted, trail: Fit(fitted.bic - 1.0, *fitted.effects))
     trail = trail_of(Fit(900.0), here := Fit(100.0, TILT, DRAG))
     trail.widens = widens
-    found: Any = module.wider(here, trail)  # type: ignore[arg-type]
+    found: Any = module.replace_by_wider(here, trail)  # type: ignore[arg-type]
     assert (found.bic == bic - 1.0) is taken and (found is here) is not taken
     assert (trail.of([MODE]) is trial) is widens  # type: ignore[comparison-overlap]

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.collision.effects import named
-from analysis.diagnosis.search.search_starts import explored
+from analysis.diagnosis.search.search_starts import search_from_base
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit import first_fit as module
 from analysis.inference.fit.base import SearchStart, base_named
@@ -27,7 +27,7 @@ def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collisi
     before = base_fit(JointData(averaged_shots(motions), base_named("paper")), given, calm)
     assert given.left > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff
-    best, trail = explored(before, given, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
+    best, trail = search_from_base(before, given, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
     assert trail.start is before and best.effects == (named("cubic_stiffness"),)
     assert abs(best.point.values[0][named("cubic_stiffness")]["coefficient_n_per_m3"] / size - 1) < 1e-3
 

@@ -20,7 +20,7 @@ from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.scale_maxima import at_likeliest_scale
 from analysis.diagnosis.search.search import Search, SearchResult
 from analysis.diagnosis.verdict.acceptance import GatedFit, settle
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from analysis.shot import AnalysisError
 
 
@@ -150,11 +150,11 @@ class BestFirst:
             law = self._question.single_law_given(self._search.base_without_frame_motion())
         except AnalysisError:
             return False
-        self._law_hides_in_building = law.in_flight_may_reach(building.bic - CRITERIA.law_fall)
+        self._law_hides_in_building = law.flight_law_may_beat(building.bic - CRITERIA.law_fall)
         return self._law_hides_in_building
 
     def _search_on(self, branch: Branch) -> None:
-        branch.searched = branch.searched.to_the_end()
+        branch.searched = branch.searched.to_convergence()
 
     def _search_at_rest(self) -> None:
         """Search without frame motion; if the flights show none, search for one effect fewer than allowed."""
@@ -201,14 +201,14 @@ class BestFirst:
     def _complete(self, branch: Branch) -> None:
         """Search a branch for all effects allowed, learn its laws, and end with the result."""
         if branch.named is None:
-            branch.searched = branch.searched.to_the_end()
+            branch.searched = branch.searched.to_convergence()
             self._name(branch)
         assert branch.named is not None
         self._answer = explain_with_laws(self._question, branch.named, branch.law)
 
     def _complete_where_it_may_win(self, branch: Branch, beat: float) -> None:
         """Complete the less likely branch, naming effects only if its BIC may fall below ``beat``."""
-        if may_reach(beat, branch.bic, branch.searched.trail.start.bic):
+        if may_beat(beat, branch.bic, branch.searched.trail.start.bic):
             self._name(branch)
         else:
             branch.named = self._without_effects(branch)

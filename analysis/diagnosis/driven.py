@@ -42,7 +42,7 @@ from analysis.drive import (
 )
 from analysis.shot import Floats, Motion, Progress, Stop
 
-SMALL_REST = 1.5  # times the repeatability: a residual up to here counts as explained
+EXPLAINED_RATIO = 1.5  # times the repeatability: a residual up to here counts as explained
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ def diagnose_driven(
     repeatability = repeatability_of(table, after.whole, filtered_noise_n(motions, table.stretches, after.whole))
     tell("telling look-alikes apart", 0.9)
     effects = tuple(_found(split, after.whole, searched, law) for law in after.whole.laws if law not in accepted_names)
-    explained = after.whole.rms_n <= SMALL_REST * repeatability.force_n
+    explained = after.whole.rms_n <= EXPLAINED_RATIO * repeatability.force_n
     seconds = time.perf_counter() - began
     diagnosis = Diagnosis(
         verdict=conclude(explained=explained, effects=effects),

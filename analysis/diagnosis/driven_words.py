@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, DriveEvidence, FoundEffect, Verdict
-from analysis.diagnosis.words import quantity, stem
+from analysis.diagnosis.words import parameter_words, quantity
 from analysis.drive import LAWS, MassCheck
 from analysis.shot import Fit, Quantity
 
@@ -46,7 +46,7 @@ def _mass(mass: MassCheck) -> str:
 
 def effect(found: FoundEffect, fit: Fit) -> str:
     """Describe one law of a drive's ``fit`` in words and numbers."""
-    numbers = ", ".join(f"{stem(name)} {quantity(name, value)}" for name, value in found.parameters.items())
+    numbers = ", ".join(f"{parameter_words(name)} {quantity(name, value)}" for name, value in found.parameters.items())
     others = found.indistinguishable_from
     alike = f" (as well: {', '.join(other.short_words for other in others)})" if others else ""
     law = LAWS[found.name]

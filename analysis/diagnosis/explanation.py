@@ -11,7 +11,7 @@ from analysis.diagnosis.result import FoundEffect, LearnedLaw, Remainder, Verdic
 from analysis.diagnosis.search.competing_models import separations_of
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.search.scale_maxima import at_other_scales, with_std_over
-from analysis.diagnosis.verdict.acceptance import GatedFit, accepted_effects, clear
+from analysis.diagnosis.verdict.acceptance import GatedFit, accepted_effects, exceeds_residual
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import Separation, missed_without
@@ -72,7 +72,7 @@ def explain_with_effects(
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], residual, separations[n], trail) for n in trail.added(best)]
         effects, verdict = accepted_effects(found, residual, best, nothing_pays=trail.nothing_pays)
-        doubtful = [one.effect for one in found if not clear(one, residual, CRITERIA.clear_of_misfit)]
+        doubtful = [one.effect for one in found if not exceeds_residual(one, residual, CRITERIA.clear_of_misfit)]
         if effects or not residual.significant or len(doubtful) in (0, len(found)):
             break
         # A small residual puts only those effects in doubt that are not much larger than it.

@@ -178,8 +178,8 @@ class Freedom(StrEnum):
 
     KINKS = "kinks"  # at touch, turnaround and release
     KINKS_WITH_SPEED = "kinks_with_speed"  # kinks that grow with the speed
-    BASE_APART = "base_apart"  # separate plate and contact parameters for every shot
-    EFFECT_APART = "effect_apart"  # separate effect parameters for every shot
+    BASE_PER_SHOT = "base_apart"  # separate plate and contact parameters for every shot
+    EFFECT_PER_SHOT = "effect_apart"  # separate effect parameters for every shot
     EFFECT_AFTER_TURN = "effect_after_turn"  # the effects differ before and after the turnaround
     SPEED_AGAINST_MOTION = "speed_against_motion"  # this and the following: any force law of the argument
     SPEED_ONE_WAY = "speed_one_way"

@@ -17,8 +17,8 @@ CLASSES = {
 FREEDOMS = {
     Freedom.KINKS: "kinks where the bodies meet, turn or part",
     Freedom.KINKS_WITH_SPEED: "kinks that grow with the speed",
-    Freedom.BASE_APART: "plate and contact that differ from shot to shot",
-    Freedom.EFFECT_APART: "an effect that differs from shot to shot",
+    Freedom.BASE_PER_SHOT: "plate and contact that differ from shot to shot",
+    Freedom.EFFECT_PER_SHOT: "an effect that differs from shot to shot",
     Freedom.EFFECT_AFTER_TURN: "an effect that is another one after the turn",
     Freedom.SPEED_AGAINST_MOTION: "a force of the speed, against the motion",
     Freedom.SPEED_ONE_WAY: "a force of the speed, one way",
@@ -43,7 +43,7 @@ def unit_of(parameter: str) -> str:
     return words_and_unit(parameter.split(".")[0])[1]
 
 
-def stem(parameter: str) -> str:
+def parameter_words(parameter: str) -> str:
     """Return a parameter's name in words, without its unit."""
     name, _, shot = parameter.partition(".")
     return words_and_unit(name)[0] + (f" of shot {shot}" if shot else "")
@@ -64,7 +64,7 @@ def found(one: FoundEffect) -> str:
         sizes = ", ".join(f"{key} {quantity(key, q, units.get(key))}" for key, q in told.items())
         numbers = f"{effect.formula.text} with {sizes}"
     else:
-        numbers = ", ".join(f"{stem(key)} {quantity(key, q)}" for key, q in told.items())
+        numbers = ", ".join(f"{parameter_words(key)} {quantity(key, q)}" for key, q in told.items())
     if len(others) > CRITERIA.undetermined:
         best = f"{effect.short_words}: {numbers}"
         return f"a further small effect whose form this data does not determine (best as {best})"
@@ -98,7 +98,7 @@ def sentence(diagnosis: Diagnosis) -> str:
         _verdict(diagnosis)
         + (_reduced(diagnosis) if effects or laws or diagnosis.verdict is Verdict.PARTLY_EXPLAINED else "")
         + contact_laws.sentence(effects, laws)
-        + taken_along(diagnosis.fit_after)
+        + nuisance_sentence(diagnosis.fit_after)
     )
 
 
@@ -166,7 +166,7 @@ def _reduced(diagnosis: Diagnosis) -> str:
     return f" Residual reduced to {100 * to:.2g} %." if to < _REDUCED else ""
 
 
-def taken_along(fit: Fit) -> str:
+def nuisance_sentence(fit: Fit) -> str:
     """Return a sentence on the nuisance effects fitted per shot in addition to its start; "" if none."""
     own: dict[str, list[float]] = {}
     for shot in fit.shots:
@@ -175,7 +175,9 @@ def taken_along(fit: Fit) -> str:
                 own.setdefault(full, []).append(quantity.value)
     if not own:
         return ""
-    spans = [f"{stem(full.split('.')[1])} the contact {min(v):.2g} to {max(v):.2g}" for full, v in own.items()]
+    spans = [
+        f"{parameter_words(full.split('.')[1])} the contact {min(v):.2g} to {max(v):.2g}" for full, v in own.items()
+    ]
     name, _, parameter = next(iter(own)).partition(".")
     return f" Each shot has its own {NUISANCES[name].short_words}: {', '.join(spans)} {unit_of(parameter)}."
 

@@ -39,7 +39,7 @@ class Fitting:
         return self.distance + (1 + len(self.form.nonlinear_parameters)) * float(np.log(samples))
 
 
-def compress(learned: Learned, which: int = 0) -> list[Fitting]:
+def fit_closed_forms(learned: Learned, which: int = 0) -> list[Fitting]:
     """Fit every closed form to the ``which``-th curve of a fit; return them in the order of ``Fitting.cost``."""
     term = learned.terms[which]
     knots = np.array(term.basis.knots)
@@ -56,7 +56,7 @@ def compress(learned: Learned, which: int = 0) -> list[Fitting]:
         return np.asarray(row - basis @ (basis.T @ row))
 
     low, high = float(knots[0]), float(knots[-1])
-    laid = [(form, *_laid(form, fine, seen, target, low, high)) for form in FORMS if is_its_own(form, low, high)]
+    laid = [(form, *_laid(form, fine, seen, target, low, high)) for form in FORMS if is_distinct_over(form, low, high)]
     toll = _toll(learned, which)
     found = [
         Fitting(form, values, distance, toll @ (into @ form.values(fine, values) - term.coefficients))
@@ -71,13 +71,13 @@ def likely_forms(learned: Learned, most: int, which: int = 0) -> list[Fitting]:
     There are ``most`` of them, or more if the curve does not distinguish them: a faint law's curve may be near ten.
     """
     argument = learned.terms[which].argument
-    forms = [form for form in compress(learned, which) if is_law(form.form, argument)]
+    forms = [form for form in fit_closed_forms(learned, which) if is_outside_base(form.form, argument)]
     within = forms[0].cost(learned.samples) + CRITERIA.form_excluded
     alike = sum(form.cost(learned.samples) < within for form in forms)
     return forms[: max(most, alike)]
 
 
-def is_law(form: Form, argument: Argument) -> bool:
+def is_outside_base(form: Form, argument: Argument) -> bool:
     """Return whether a form is not in the base model: a constant is new only as a force while the bodies touch."""
     return form.name != "constant" or (argument.where == "contact" and not argument.factor)
 
@@ -121,7 +121,7 @@ def gauge(argument: Argument, at: Floats) -> Floats:
     return np.column_stack([columns[name] for name in argument.gauge]) if argument.gauge else np.zeros((at.size, 0))
 
 
-def is_its_own(form: Form, low: float, high: float) -> bool:
+def is_distinct_over(form: Form, low: float, high: float) -> bool:
     """Return whether a form is distinct over a range: on one side of zero, some forms are the same function."""
     one_sided = low > -0.02 * high or high < -0.02 * low
     twins = ("quadratic, odd", "power, odd", "falling exponential" if high > -low else "rising exponential")

@@ -75,7 +75,7 @@ class Learned:
         return (self.z.size + self.freedom) * math.log(self.samples) - 2 * self.log_likelihood
 
     @property
-    def at_best(self) -> float:
+    def least_form_bic(self) -> float:
         """Get the BIC of closed forms that equal the curves with a single parameter each."""
         return self.bic - (self.freedom - len(self.terms)) * math.log(self.samples)
 

@@ -72,7 +72,7 @@ def fit_forms(
     return side_by_side(decided, short)
 
 
-def over_kinks(fitted: Fitted, stop: Stop) -> Fitted:
+def refit_resolving_kinks(fitted: Fitted, stop: Stop) -> Fitted:
     """Refit a law with a kink to convergence, with time steps short enough to resolve it; return others unchanged.
 
     The error of a step over a kink, and with it the parameters' error, scales as the square of its length.  At the

@@ -20,10 +20,10 @@ from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import Fitting, likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import fit_with_motions
-from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
+from analysis.diagnosis.learning.form_fits import fit_forms, refit_resolving_kinks
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned
 from analysis.diagnosis.result import LearnedLaw
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted, on_frame_anew
@@ -60,9 +60,9 @@ class Discovery:
         return named and self.fitted.converged and not self.residual.significant
 
 
-def forms_may_reach(beat: float, curves: Sequence[Learned], start: Fitted) -> bool:
+def forms_may_beat(beat: float, curves: Sequence[Learned], start: Fitted) -> bool:
     """Return whether a closed form in place of one of these curves may lower the BIC from ``start`` below ``beat``."""
-    return any(curve.at_best - _SHORT * (start.bic - curve.at_best) < beat for curve in curves)
+    return any(curve.least_form_bic - _SHORT * (start.bic - curve.least_form_bic) < beat for curve in curves)
 
 
 def free_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw | None = None) -> list[Learned]:
@@ -70,7 +70,7 @@ def free_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw | 
 
     ``beside`` is a law already in ``start``.  Raises Cancelled.
     """
-    return led_on(start, rough_curves(start, tell, stop, beside), stop)
+    return refine_contenders(start, rough_curves(start, tell, stop, beside), stop)
 
 
 def learn_law(
@@ -92,11 +92,11 @@ def learn_law(
         return None
     if curves is None:
         curves = free_curves(start, tell, stop, beside)
-    if not forms_may_reach(beat, curves, start):
+    if not forms_may_beat(beat, curves, start):
         return None
     fits: list[FormFit] = []
     for place, learned in enumerate(curves[:FOLLOWED]):
-        if fits and learned.at_best > min(one.bic for one in fits) + CRITERIA.form_excluded:
+        if fits and learned.least_form_bic > min(one.bic for one in fits) + CRITERIA.form_excluded:
             continue
         tell(f"reading the curve of the {_argument(learned).name}", 0.84 + 0.03 * place)
         forms = likely_forms(learned, FORMS_FITTED)
@@ -109,9 +109,9 @@ def learn_law(
         return None
     fits.sort(key=lambda one: one.bic)
     within = fits[0].bic + CRITERIA.form_excluded
-    fits = side_by_side(lambda one: _led_on(one, stop) if one.bic < within else one, fits)
+    fits = side_by_side(lambda one: _converged(one, stop) if one.bic < within else one, fits)
     fits.sort(key=lambda one: one.bic)
-    fits[0] = replace(fits[0], fitted=over_kinks(fits[0].fitted, stop))
+    fits[0] = replace(fits[0], fitted=refit_resolving_kinks(fits[0].fitted, stop))
     best = fits[0].fitted
     if best.bic > start.bic - CRITERIA.law_fall:
         return None
@@ -171,21 +171,21 @@ def rough_curves(
     return sorted((curve for curve in rough if curve is not None), key=lambda curve: curve.bic)
 
 
-def led_on(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Learned]:
+def refine_contenders(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Learned]:
     """Continue the curves that may become the likeliest to convergence, with as many knots as pay; the best first.
 
     Returns [] where no closed form may pay.
     """
-    found = to_the_front(start, rough[:_GO_ON], stop)
-    ahead = [curve for curve in found[:FOLLOWED] if curve.at_best < start.bic - CRITERIA.law_fall]
+    found = converge_contenders(start, rough[:_GO_ON], stop)
+    ahead = [curve for curve in found[:FOLLOWED] if curve.least_form_bic < start.bic - CRITERIA.law_fall]
     curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
-    if not curves or curves[0].at_best > start.bic - CRITERIA.law_fall:
+    if not curves or curves[0].least_form_bic > start.bic - CRITERIA.law_fall:
         return []
     # A form saves at most the BIC's price of its curve's coefficients: other curves cannot become the likeliest.
-    return [curve for curve in curves if curve.at_best < curves[0].bic + CRITERIA.form_excluded]
+    return [curve for curve in curves if curve.least_form_bic < curves[0].bic + CRITERIA.form_excluded]
 
 
-def to_the_front(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Learned]:
+def converge_contenders(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Learned]:
     """Continue those ``rough`` curves (best first) to convergence that may become the likeliest; the best first."""
 
     def further(learned: Learned) -> Learned:
@@ -195,7 +195,7 @@ def to_the_front(start: Fitted, rough: Sequence[Learned], stop: Stop) -> list[Le
         except (Infeasible, np.linalg.LinAlgError):
             return learned
 
-    ahead = [one for one in rough if one is rough[0] or may_reach(rough[0].bic, one.bic, start.bic)]
+    ahead = [one for one in rough if one is rough[0] or may_beat(rough[0].bic, one.bic, start.bic)]
     return sorted(side_by_side(further, ahead), key=lambda curve: curve.bic)
 
 
@@ -223,6 +223,6 @@ def _refined(
     return [FormFit(one, learned, form) for one, form in zip(fits, forms, strict=True) if one is not None]
 
 
-def _led_on(one: FormFit, stop: Stop) -> FormFit:
+def _converged(one: FormFit, stop: Stop) -> FormFit:
     """Continue a fit to convergence, with the response to frame motion recomputed given the law."""
     return replace(one, fitted=on_frame_anew(one.fitted.continued(stop), stop))

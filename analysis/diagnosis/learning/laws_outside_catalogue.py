@@ -8,7 +8,7 @@ from functools import partial
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import in_joint_fit
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.learning.two_laws import learn_another, learn_laws
+from analysis.diagnosis.learning.two_laws import learn_laws, learn_second_law
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.time_limit import Limit
@@ -67,9 +67,9 @@ def _in_turn(
         # laws that explain all must be about as likely as effects that leave a residual, and likelier than effects
         # whose residual is within chance
         instead = min(beat, nearest.bic + (0.0 if rest.faint else CRITERIA.law_fall))
-    if alone.or_two_may_reach(instead) and (first := alone.found) is not None:
+    if alone.one_or_two_laws_may_beat(instead) and (first := alone.found) is not None:
         if not first.explains:
-            another = partial(learn_another, first, held, tell, limit, beat=instead)
+            another = partial(learn_second_law, first, held, tell, limit, beat=instead)
             first = limit.within("a second law", another, first)
         if first.fitted.bic < instead:
             yield _alone(first)

@@ -67,7 +67,7 @@ def as_learned(
     shown = best.curve(at)
     near = [one for one in fits[1:] if one.bic < best.bic + CRITERIA.form_excluded and one.law != best.law]
     others = [_other(one, best, at, shown) for one in near]
-    new_n = news(argument, at, shown)
+    new_n = part_beyond_base(argument, at, shown)
     twins = [other for other in others if is_same_function(other, shown, new_n)]
     curve = term.curve(at)
     return LearnedLaw(
@@ -126,7 +126,7 @@ def _other(one: FormFit, best: FormFit, at: Floats, shown: Floats) -> OtherForm:
     return OtherForm(argument.where, argument.name, form.name, form.formula(argument).text, one.bic - best.bic, curve)
 
 
-def news(argument: Argument, at: Floats, shown: Floats) -> Floats:
+def part_beyond_base(argument: Argument, at: Floats, shown: Floats) -> Floats:
     """Return the part of a curve that the base model lacks: a nearly linear law may be almost entirely k_N."""
     return _as(shown, np.zeros(at.size), gauge(argument, at), np.ones(at.size))
 

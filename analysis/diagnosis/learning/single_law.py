@@ -9,10 +9,16 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 from analysis.diagnosis.learning.curve_fit import Learned
-from analysis.diagnosis.learning.law_learning import Discovery, forms_may_reach, learn_law, led_on, rough_curves
+from analysis.diagnosis.learning.law_learning import (
+    Discovery,
+    forms_may_beat,
+    learn_law,
+    refine_contenders,
+    rough_curves,
+)
 from analysis.diagnosis.learning.two_laws import two_curves
 from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from analysis.diagnosis.verdict.identifiability import separation
 from analysis.inference import Fitted, TrialEffect
 from analysis.shot import Progress, Stop
@@ -42,7 +48,11 @@ class SingleLaw:
     @cached_property
     def curves(self) -> Sequence[Learned]:
         """Get the free curves that the law may have, the likeliest first."""
-        return self.limit.within(_STEP, lambda: led_on(self.start, self.rough, self.limit), []) if self.rough else []
+        return (
+            self.limit.within(_STEP, lambda: refine_contenders(self.start, self.rough, self.limit), [])
+            if self.rough
+            else []
+        )
 
     @cached_property
     def found(self) -> Discovery | None:
@@ -57,7 +67,7 @@ class SingleLaw:
     def _can_be_tested(self) -> bool:
         return len(self.start.problem.data.shots) > 1 and bool(self.held)
 
-    def in_flight_may_reach(self, beat: float) -> bool:
+    def flight_law_may_beat(self, beat: float) -> bool:
         """Return whether one law that acts in flight may come below the BIC ``beat``, judged by one step of its curve.
 
         Cost: about 0.2 s.
@@ -66,33 +76,33 @@ class SingleLaw:
             return False
         curves = partial(rough_curves, self.start, self._tell_half, self.limit, steps=1, where="block")
         none: list[Learned] = []
-        return any(may_reach(beat, one.bic, self.start.bic) for one in self.limit.within(_STEP, curves, none))
+        return any(may_beat(beat, one.bic, self.start.bic) for one in self.limit.within(_STEP, curves, none))
 
-    def _rough_may_reach(self, beat: float) -> bool:
-        return any(may_reach(beat, curve.bic, self.start.bic) for curve in self.rough)
+    def _rough_may_beat(self, beat: float) -> bool:
+        return any(may_beat(beat, curve.bic, self.start.bic) for curve in self.rough)
 
-    def _one_may_reach(self, beat: float) -> bool:
+    def _one_may_beat(self, beat: float) -> bool:
         """Return whether a closed form of one curve may come below a BIC; curves far above it are not continued."""
-        return self._rough_may_reach(beat) and forms_may_reach(beat, self.curves, self.start)
+        return self._rough_may_beat(beat) and forms_may_beat(beat, self.curves, self.start)
 
     def _tell_half(self, what: str, _fraction: float) -> None:
         self.tell(what, _HALF)
 
-    def or_two_may_reach(self, beat: float) -> bool:
+    def one_or_two_laws_may_beat(self, beat: float) -> bool:
         """Return whether this law, or two laws in its place, may come below the BIC ``beat``."""
-        if self._one_may_reach(beat):
+        if self._one_may_beat(beat):
             return True
-        led_nowhere = self._rough_may_reach(beat) and not self.curves
+        led_nowhere = self._rough_may_beat(beat) and not self.curves
         if led_nowhere or not self.rough:
             return False
         none: list[Learned] = []
         two = self.limit.within(_STEP, lambda: two_curves(self.start, self.limit, beat=beat), none)
-        return forms_may_reach(beat, two, self.start)
+        return forms_may_beat(beat, two, self.start)
 
     def replaces_effects(self, best: Fitted, catalogue: Sequence[TrialEffect]) -> bool:
         """Return whether the law explains all, is likelier than ``best``, and is no effect of the ``catalogue``."""
         beat = best.bic - CRITERIA.law_fall
-        if not self._one_may_reach(beat):
+        if not self._one_may_beat(beat):
             return False
         law = self.found
         if law is None or not law.explains or law.fitted.bic > beat:

@@ -14,21 +14,21 @@ from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.closed_forms import likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
 from analysis.diagnosis.learning.curve_motion import Term, fit_with_motions
-from analysis.diagnosis.learning.form_fits import fit_forms, over_kinks
+from analysis.diagnosis.learning.form_fits import fit_forms, refit_resolving_kinks
 from analysis.diagnosis.learning.law_learning import (
     FIRST_PIECES,
     FIRST_STEPS,
     FOLLOWED,
     Discovery,
     arguments_of,
+    converge_contenders,
     finer,
-    forms_may_reach,
+    forms_may_beat,
     learn_law,
-    to_the_front,
 )
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned, in_joint_fit
 from analysis.diagnosis.search.forward_selection import without_effect
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference import Fitted
@@ -45,10 +45,10 @@ def learn_laws(
 ) -> Discovery | None:
     """Return the law that ``start`` lacks, or two: a second is learned where the first leaves more than noise."""
     first = learn_law(start, held, tell, stop)
-    return first if first is None or first.explains else learn_another(first, held, tell, stop, beat=beat)
+    return first if first is None or first.explains else learn_second_law(first, held, tell, stop, beat=beat)
 
 
-def learn_another(
+def learn_second_law(
     first: Discovery, held: tuple[int, ...], tell: Progress, stop: Stop, *, beat: float = math.inf
 ) -> Discovery:
     """Return two laws, or the first where there is no second.  Raises Cancelled.
@@ -61,7 +61,7 @@ def learn_another(
     together = learn_two(first.start, held, stop, beat=min(beat, first.fitted.bic - CRITERIA.law_fall))
     if together is not None and together.explains:
         return together
-    if not may_reach(beat, first.fitted.bic, first.start.bic):
+    if not may_beat(beat, first.fitted.bic, first.start.bic):
         return first
     tell("learning a second law", 0.88)
     law = first.laws[0]
@@ -80,22 +80,22 @@ class _Pairs:
         self.forms = [likely_forms(curves, _FORMS, which) for which in (0, 1)]
         self.fits: dict[tuple[int, int], Fitted] = {}
 
-    def ask(self, pairs: Iterable[tuple[int, int]]) -> None:
+    def fit(self, pairs: Iterable[tuple[int, int]]) -> None:
         """Fit pairs of forms, given by their indices, unless they were fitted before."""
         new = [pair for pair in pairs if pair not in self.fits]
         each = [(self.forms[0][i], self.forms[1][j]) for i, j in new]
         fits = fit_forms(self._start, self.curves, each, self._stop, beat=self.curves.bic)
         self.fits.update({pair: one for pair, one in zip(new, fits, strict=True) if one is not None})
 
-    def ask_nearest(self) -> None:
+    def fit_nearest(self) -> None:
         """Fit the pairs of the forms that are nearest to either curve."""
         first, other = (range(min(_AT_FIRST, len(one))) for one in self.forms)
-        self.ask((i, j) for i in first for j in other)
+        self.fit((i, j) for i in first for j in other)
 
-    def ask_beside_best(self) -> None:
+    def fit_with_best(self) -> None:
         """Fit all forms of either law with the best of the other, and continue those near the best to convergence."""
-        self.ask((i, self.best[1]) for i in range(len(self.forms[0])))
-        self.ask((self.best[0], j) for j in range(len(self.forms[1])))
+        self.fit((i, self.best[1]) for i in range(len(self.forms[0])))
+        self.fit((self.best[0], j) for j in range(len(self.forms[1])))
         within = self.bic + CRITERIA.form_excluded
         near = [pair for pair, one in self.fits.items() if one.bic < within]
         led_on = side_by_side(lambda pair: self.fits[pair].continued(self._stop), near)
@@ -126,15 +126,17 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
         return None
     every = [_Pairs(start, one, stop) for one in curves]
     for one in every:
-        one.ask_nearest()
+        one.fit_nearest()
     pairs = min(every, key=lambda one: one.bic)
     if not pairs.fits or min(curves[0].bic, pairs.bic) > beat:
         return None
-    pairs.ask_beside_best()
+    pairs.fit_with_best()
     at = pairs.best
     fitted = pairs.fits[at]
     judged = _judged(start, fitted, held, stop)
-    if judged is not None and (finer := over_kinks(fitted, stop)) is not fitted:  # takes as long as all before
+    if (
+        judged is not None and (finer := refit_resolving_kinks(fitted, stop)) is not fitted
+    ):  # takes as long as all before
         pairs.fits[at] = fitted = finer
         judged = _judged(start, fitted, held, stop)
     if judged is None or fitted.bic > curves[0].bic + CRITERIA.form_meets:
@@ -176,10 +178,10 @@ def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> list[Lea
             return None
 
     rough = sorted((one for one in side_by_side(fitted, pairs) if one is not None), key=lambda one: one.bic)
-    if not any(may_reach(beat, one.bic, start.bic) for one in rough):
+    if not any(may_beat(beat, one.bic, start.bic) for one in rough):
         return []
-    ahead = to_the_front(start, rough, stop)
-    if not forms_may_reach(beat, ahead[:1], start):
+    ahead = converge_contenders(start, rough, stop)
+    if not forms_may_beat(beat, ahead[:1], start):
         return []
 
     def in_finer_pieces(learned: Learned) -> Learned:

@@ -11,7 +11,7 @@ from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.search.wider_variants import contained_effects, wider_fits
 from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from analysis.inference import (
     Fitted,
     Floor,
@@ -173,7 +173,7 @@ def add_effects(
         if best is None or here.bic - best.bic < trail.least_fall():
             break
         here = replace_by_wider(_polished_first(best, trail) if first else converge(prune(best, trail), trail), trail)
-        if not may_reach(trail.beat, here.bic, trail.start.bic, left):
+        if not may_beat(trail.beat, here.bic, trail.start.bic, left):
             break
     return here
 

@@ -58,7 +58,7 @@ class SearchResult:
         """Get whether the best fit leaves more than noise, and more than a trace that no effect explains."""
         return leaves_something(self.residual, nothing_pays=self.trail.nothing_pays)
 
-    def to_the_end(self) -> "SearchResult":
+    def to_convergence(self) -> "SearchResult":
         """Return the search after the rounds that were left out, where there is a residual to explain."""
         if not self.rounds or not self.residual.significant:
             return self

@@ -34,7 +34,9 @@ from analysis.shot import Progress
 Predictions = tuple[Prediction, Prediction]  # of the validation shots: by the model before, by the fit
 
 
-def keep_predictive(best: Fitted, held_out: tuple[int, ...], trail: Trail) -> tuple[Fitted, Predictions | None]:
+def without_unpredictive_effects(
+    best: Fitted, held_out: tuple[int, ...], trail: Trail
+) -> tuple[Fitted, Predictions | None]:
     """Remove effects that do not help to predict the validation shots; return the fit and its predictions.
 
     All predictions are compared under the noise of the best fit.
@@ -107,10 +109,10 @@ def _pass(effects: list[FoundEffect], residual: Residual, best: Fitted) -> bool:
     # Several effects may jointly imitate one that is none of them, and a misfit shows that the law is another one.
     doubtful = len(effects) > 1 or residual.misfitting
     times = CRITERIA.clear_of_misfit if doubtful else CRITERIA.clear_of_rest
-    return all(clear(effect, residual, times) for effect in effects)
+    return all(exceeds_residual(effect, residual, times) for effect in effects)
 
 
-def clear(effect: FoundEffect, residual: Residual, times: float) -> bool:
+def exceeds_residual(effect: FoundEffect, residual: Residual, times: float) -> bool:
     """Return whether an effect is ``times`` as large as the residual, with few enough look-alikes to form a class."""
     few = len(effect.indistinguishable_from) <= CRITERIA.undetermined
     return few and effect.evidence["snr"] > times * residual.unexplained_norms
@@ -170,7 +172,7 @@ def _settled(
 ) -> GatedFit:
     progress("predicting a held-out shot", 0.55)
     given = best
-    predicted, predictions = keep_predictive(best, held_out, trail)
+    predicted, predictions = without_unpredictive_effects(best, held_out, trail)
 
     def predicts(other: Fitted) -> bool:
         if predictions is None:

@@ -89,7 +89,7 @@ class Criteria:
 CRITERIA = Criteria()
 
 
-def may_reach(beat: float, there: float, start: float, rounds: int = 1) -> bool:
+def may_beat(beat: float, there: float, start: float, rounds: int = 1) -> bool:
     """Return whether a search that lowered the BIC from ``start`` to ``there`` may still come below ``beat``.
 
     Each of the following ``rounds`` is assumed to gain at most as much as all rounds before it together.

@@ -49,10 +49,10 @@ class LackOfFit:
         return self.gain > self.limit
 
 
-NOTHING = LackOfFit(None, 0.0, np.inf)
+NO_MISFIT = LackOfFit(None, 0.0, np.inf)
 
 
-def colour(white: Sequence[Floats]) -> float:
+def low_frequency_excess(white: Sequence[Floats]) -> float:
     """Return the whitened noise's power at low frequencies over its mean, from its first three correlations; >= 1.
 
     An optics filter correlates neighbouring samples: slow shapes then gain more by chance than under white noise.
@@ -83,8 +83,8 @@ def gain(fitted: Fitted, at: Linearised, shapes: Arrow) -> tuple[float, int, Flo
     return 2 * (value - fitted.log_likelihood), new, floor
 
 
-def worst(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: float = 1.0) -> LackOfFit:
-    """Return the freedom whose gain is largest relative to its limit; ``slow`` is the noise's ``colour``.
+def largest_misfit(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: float = 1.0) -> LackOfFit:
+    """Return the freedom whose gain is largest relative to its limit; ``slow`` is the noise's ``low_frequency_excess``.
 
     ``unlearned`` is the fit linearised under noise that has not absorbed a law of speed, position or deflection.
     """
@@ -96,11 +96,11 @@ def worst(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: float = 1
     tangents = problem.arrow([tangent for _, tangent in at.lines])
     if len(shots) > 1:
         base, effects = slice(problem.data.count), slice(problem.data.count, len(problem.shared))
-        shapes[Freedom.BASE_APART] = _apart(tangents, base)
+        shapes[Freedom.BASE_PER_SHOT] = _apart(tangents, base)
         speeds = [abs(shot.course.velocity_in_m_per_s) / fastest for shot in shots]
         shapes[Freedom.KINKS_WITH_SPEED] = shared([c * v for c, v in zip(kinks, speeds, strict=True)])
         if len(problem.shared) > problem.data.count:
-            shapes[Freedom.EFFECT_APART] = _apart(tangents, effects)
+            shapes[Freedom.EFFECT_PER_SHOT] = _apart(tangents, effects)
     if problem.free_parameters:
         of_effects = tangents.without(range(problem.offset))
         turned = of_effects.mapped(lambda k, block: block * _after_turn(shots[k])[:, None])
@@ -118,7 +118,7 @@ def worst(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: float = 1
             found.append(
                 LackOfFit(name, value, factor * float(chdtri(width, CRITERIA.freedom_chance / len(shapes))), width)
             )
-    return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=NOTHING)
+    return max(found, key=lambda misfit: misfit.gain / misfit.limit, default=NO_MISFIT)
 
 
 def shared(columns: Sequence[Floats]) -> Arrow:

@@ -11,7 +11,15 @@ from scipy.special import chdtri
 from analysis.collision import Effect
 from analysis.diagnosis.result import Errors, Phase, Remainder
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, colour, gain, hats, shared, worst
+from analysis.diagnosis.verdict.lack_of_fit import (
+    NO_MISFIT,
+    LackOfFit,
+    gain,
+    hats,
+    largest_misfit,
+    low_frequency_excess,
+    shared,
+)
 from analysis.inference import Fitted, Floor, Linearised, Samples
 from analysis.shot import Floats, Motion
 from analysis.signal import derivatives
@@ -34,7 +42,7 @@ class Residual:
     correlation: float
     ratio: float
     size: float = 0.0  # of a significant shared shape, in units of the noise
-    misfit: LackOfFit = NOTHING  # the freedom that the hypothesis misses most
+    misfit: LackOfFit = NO_MISFIT  # the freedom that the hypothesis misses most
     samples: int = 1
 
     @property
@@ -82,12 +90,12 @@ def residual_of(fitted: Fitted, at: Linearised) -> Residual:
     white = fitted.whitened()
     correlation = _correlation(white)
     ratio = _ratio(white, shots)
-    slow = colour(white)
+    slow = low_frequency_excess(white)
     coherence, limit, width = _coherence(fitted, unlearned) if len(shots) > 1 else (0.0, math.inf, 0)
     limit *= slow * (CRITERIA.wandering_gain if on_frame else 1.0)
     size = math.sqrt(max(0.0, coherence - width)) if coherence > limit else 0.0
     samples = sum(part.size for part in white)
-    return Residual(coherence, limit, correlation, ratio, size, worst(fitted, at, unlearned, slow), samples)
+    return Residual(coherence, limit, correlation, ratio, size, largest_misfit(fitted, at, unlearned, slow), samples)
 
 
 def _correlation(white: Sequence[Floats]) -> float:
@@ -157,7 +165,7 @@ def _bumps(shot: Samples) -> Floats:
     return 0.5 - 0.5 * np.cos(np.pi * hats(u, knots))
 
 
-def remainder_of(fitted: Fitted, misfit: LackOfFit = NOTHING, imitated_by: Sequence[Effect] = ()) -> Remainder:
+def remainder_of(fitted: Fitted, misfit: LackOfFit = NO_MISFIT, imitated_by: Sequence[Effect] = ()) -> Remainder:
     """Describe the residual of a fit: its loudest phases, its scaling with speed, and its strongest line.
 
     Sizes are above the sensor's white noise (nearly all of a camera's residual), with the frame's most likely motion

@@ -132,7 +132,7 @@ def test_a_building_that_explains_all_by_itself_is_asked_for_one_law_that_it_hid
         asked.append(beat)
         return promised < beat
 
-    question.single_law_given = lambda start: SimpleNamespace(of=start, in_flight_may_reach=reaches)
+    question.single_law_given = lambda start: SimpleNamespace(of=start, flight_law_may_beat=reaches)
     building = branch(0.0, left=False, named=EXPLAINED, effects=())
     search = searching(building, None, question)
     search._search.base_without_frame_motion = lambda: "at rest"  # type: ignore[method-assign, assignment]
@@ -309,7 +309,7 @@ def test_a_branch_is_completed_from_what_is_named_and_only_where_it_may_win(monk
     one = branch(60.0)
     ended: Any = branch(50.0).searched
     first: Any = one.searched
-    first.to_the_end = lambda: ended
+    first.to_convergence = lambda: ended
     given._complete(one)
     assert given._answer == (given._question, ("named", ended), one.law, {})
     one.named = UNEXPLAINED

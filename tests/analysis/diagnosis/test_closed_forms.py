@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis, graded_basis
 from analysis.collision.laws.forms import FORMS, Form
-from analysis.diagnosis.learning.closed_forms import _bounds, _laid, compress, information, likely_forms
+from analysis.diagnosis.learning.closed_forms import _bounds, _laid, fit_closed_forms, information, likely_forms
 from analysis.diagnosis.learning.curve_motion import Term
 
 BEND = next(one for one in ARGUMENTS if one.name == "bend against motion")  # the base model holds no part of it
@@ -46,7 +46,7 @@ def test_base_and_starts_take_over_what_they_can_of_the_difference_whatever_thei
     term = Term(BEND, basis, coefficients)
     learned: Any = SimpleNamespace(z=np.zeros(3), terms=(term,), curvature=whole.T @ whole, samples=400)
 
-    linear = next(found for found in compress(learned) if found.form.name == "linear")
+    linear = next(found for found in fit_closed_forms(learned) if found.form.name == "linear")
     as_splines = np.linalg.lstsq(design, linear.form.values(argument, linear.parameters), rcond=None)[0]
     difference = by_curve @ (as_splines - coefficients)
     taken = -np.linalg.lstsq(by_base, difference, rcond=None)[0]
@@ -67,7 +67,7 @@ def test_a_place_is_looked_for_all_over_the_range_that_was_visited(sign: int, na
     learned: Any = SimpleNamespace(
         z=np.zeros(1), terms=(Term(BEND, basis, coefficients),), curvature=curvature, samples=400
     )
-    found = next(one for one in compress(learned) if one.form.name == name)
+    found = next(one for one in fit_closed_forms(learned) if one.form.name == name)
     assert found.parameters["c"] == pytest.approx(sign * place_m, abs=2e-5)
 
 
@@ -135,7 +135,7 @@ def test_each_of_two_curves_is_read_beside_the_other(which: int) -> None:
     size = 2 + sum(basis.count for basis in bases)
     whole = random.standard_normal((200, size))
     learned: Any = SimpleNamespace(z=np.zeros(2), terms=tuple(terms), curvature=whole.T @ whole, samples=200)
-    found = compress(learned, which)
+    found = fit_closed_forms(learned, which)
     assert [one.cost(200) for one in found] == sorted(one.cost(200) for one in found)
     linear = next(one for one in found if one.form.name == "linear")
     assert linear.cost(200) == pytest.approx(linear.distance + np.log(200))
@@ -162,7 +162,7 @@ def test_so_many_forms_are_likely_as_are_asked_for_or_as_cannot_be_told_apart(mo
     costs = {"constant": -1.0, "a": 0.0, "b": 9.9, "c": 10.1, "d": 11.0}
     forms = [SimpleNamespace(form=SimpleNamespace(name=name), cost=lambda n, c=c: c + n) for name, c in costs.items()]
     asked: list[int] = []
-    monkeypatch.setattr(module, "compress", lambda learned, which: asked.append(which) or forms)
+    monkeypatch.setattr(module, "fit_closed_forms", lambda learned, which: asked.append(which) or forms)
     learned: Any = SimpleNamespace(terms=(None, SimpleNamespace(argument=BEND)), samples=100)
 
     def likely(most: int) -> list[str]:

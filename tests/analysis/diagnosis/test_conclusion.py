@@ -136,7 +136,7 @@ def test_what_explains_all_first_is_told_and_else_the_likeliest(
 
     nearest = SimpleNamespace(bic=likeliest["effects"], what="effects", linearise=lambda: None)
     for name, made in {
-        "learn_another": lambda *_, **__: found("with a second", with_second),
+        "learn_second_law": lambda *_, **__: found("with a second", with_second),
         "learn_law": lambda *_, **__: found("joined", joined),
         "_alone": lambda one: one,
         "_together": lambda one, *_, **__: one,
@@ -150,7 +150,7 @@ def test_what_explains_all_first_is_told_and_else_the_likeliest(
         tell=lambda *_: None,
         stop=lambda: False,
         limit=Limit(60.0, lambda: False),
-        or_two_may_reach=lambda _beat: True,
+        one_or_two_laws_may_beat=lambda _beat: True,
         found=found("alone", alone),
     )
     one = beyond.beyond_catalogue(cast(Any, law), cast(Any, nearest), [])

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 
 DOCS = Path(__file__).parents[3] / "docs" / "how-a-diagnosis-decides.md"
 
@@ -74,5 +74,5 @@ def test_no_effect_is_named_outside_its_row_and_its_words() -> None:
 
 @pytest.mark.parametrize(("rounds", "most"), [(0, 0.0), (1, 100.0), (2, 300.0), (3, 700.0)])
 def test_each_further_round_is_within_reach_of_as_much_as_all_before_it(rounds: int, most: float) -> None:
-    assert may_reach(-200.0 - most + 1.0, -200.0, -100.0, rounds)
-    assert not may_reach(-200.0 - most - 1.0, -200.0, -100.0, rounds)
+    assert may_beat(-200.0 - most + 1.0, -200.0, -100.0, rounds)
+    assert not may_beat(-200.0 - most - 1.0, -200.0, -100.0, rounds)

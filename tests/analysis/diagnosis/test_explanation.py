@@ -58,7 +58,7 @@ class Stage:
         patch.setattr(module, "accepted_effects", self.accepted)
         patch.setattr(
             module,
-            "clear",
+            "exceeds_residual",
             lambda one, residual, times: times == CRITERIA.clear_of_misfit and one.effect not in self.doubtful,
         )
         patch.setattr(module, "without", self.without)

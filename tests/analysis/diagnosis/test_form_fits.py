@@ -100,7 +100,7 @@ def test_a_corner_is_met_in_short_steps_at_the_end(
     monkeypatch.setattr(module, "replace", lambda problem, stride: SimpleNamespace(fit=fit) if stride == 0.2 else None)
     effects = [SimpleNamespace(kinked=False), SimpleNamespace(kinked=kinked)]
     one: Any = SimpleNamespace(effects=effects, problem="problem", z="z")
-    found: Any = module.over_kinks(one, calm)
+    found: Any = module.refit_resolving_kinks(one, calm)
     assert found == (("led on", calm) if kinked and feasible else one)
 
 

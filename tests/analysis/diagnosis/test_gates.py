@@ -13,7 +13,7 @@ from analysis.collision.effects.row import Effect
 from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import indistinguishable as names
-from analysis.diagnosis.verdict.acceptance import accepted_effects, clear
+from analysis.diagnosis.verdict.acceptance import accepted_effects, exceeds_residual
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, choose
 from analysis.diagnosis.verdict.identifiability import Separation
@@ -42,7 +42,7 @@ def said(effects: list[FoundEffect], rest: Residual, fit: Any = ONE) -> tuple[in
 def test_beside_a_rest_more_than_five_look_alikes_are_no_class(alike: int, named: bool) -> None:
     verdict = Verdict.PARTLY_EXPLAINED if named else Verdict.UNEXPLAINED
     assert said([effect(1e3, alike)], SHAPE_LEFT) == (int(named), verdict)
-    assert clear(effect(1e3, alike), SHAPE_LEFT, CRITERIA.clear_of_rest) is named
+    assert exceeds_residual(effect(1e3, alike), SHAPE_LEFT, CRITERIA.clear_of_rest) is named
 
 
 @pytest.mark.parametrize(

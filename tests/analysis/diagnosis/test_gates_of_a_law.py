@@ -59,7 +59,7 @@ class Case:
     def law(self, patch: pytest.MonkeyPatch) -> tuple[Discovery | None, list[bool]]:
         """Return what is learned, and whether each law that is told is told with its form."""
         terms = [SimpleNamespace(argument=PLACE)]
-        curve = SimpleNamespace(bic=self.curve, at_best=self.curve, terms=terms, problem=None, z=None)
+        curve = SimpleNamespace(bic=self.curve, least_form_bic=self.curve, terms=terms, problem=None, z=None)
         form = SimpleNamespace(form=SimpleNamespace(name="power"), distance=1.0)
         one = FormFit(cast(Any, Fit(self.form)), cast(Any, curve), cast(Any, form))
         end = one if self.led_on is None else replace(one, fitted=cast(Any, Fit(self.led_on)))
@@ -79,8 +79,8 @@ class Case:
         patch.setattr(law_learning, "finer", lambda learned, *_: learned)
         patch.setattr(law_learning, "likely_forms", lambda *_: [form])
         patch.setattr(law_learning, "_refined", lambda _start, _learned, forms, *_: [one] * len(forms))
-        patch.setattr(law_learning, "_led_on", lambda _one, _stop: end)
-        patch.setattr(law_learning, "over_kinks", lambda fitted, _stop: fitted)
+        patch.setattr(law_learning, "_converged", lambda _one, _stop: end)
+        patch.setattr(law_learning, "refit_resolving_kinks", lambda fitted, _stop: fitted)
         patch.setattr(law_learning, "residual_of", lambda *_: NOTHING_LEFT)
         patch.setattr(law_learning, "predict", predict)
         patch.setattr(law_learning, "as_learned", as_learned)
@@ -142,13 +142,15 @@ def test_a_law_explains_all_in_forms_that_meet_it_and_leave_nothing(found: Disco
 
 
 def curve(bic: float) -> Any:
-    return SimpleNamespace(bic=bic, at_best=bic)
+    return SimpleNamespace(bic=bic, least_form_bic=bic)
 
 
 def alone(found: Discovery | None, patch: pytest.MonkeyPatch, nearest: float = 50.0, size: float = 100.0) -> SingleLaw:
     """Return a law that the shots show, with its size and how far the nearest row of the catalogue is from it."""
     patch.setattr(single_law, "rough_curves", lambda *_: [curve(895.0)])
-    patch.setattr(single_law, "led_on", lambda _start, rough, _stop: [curve(880.0)] if rough[0].bic == 895.0 else [])
+    patch.setattr(
+        single_law, "refine_contenders", lambda _start, rough, _stop: [curve(880.0)] if rough[0].bic == 895.0 else []
+    )
     patch.setattr(single_law, "learn_law", lambda *_, curves: found if curves[0].bic == 880.0 else None)
     patch.setattr(single_law, "separation", lambda *_: Separation(size, {named("cubic_stiffness"): nearest}, {}))
     return SingleLaw(cast(Any, Fit(START)), (0,), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
@@ -194,18 +196,18 @@ def test_no_form_is_fitted_where_neither_one_curve_nor_two_at_once_may_come_low_
 ) -> None:
     law = alone(discovery(), monkeypatch)
     monkeypatch.setattr(single_law, "two_curves", lambda *_, beat: [] if two is None else [curve(two)])
-    assert law.or_two_may_reach(beat) is reach
+    assert law.one_or_two_laws_may_beat(beat) is reach
 
 
 def test_curves_that_gain_too_little_at_first_are_not_led_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """From 895 the way may lead to 790, as far again as it came; two at once may come lower."""
     law = alone(discovery(700.0), monkeypatch)
     led: list[object] = []
-    monkeypatch.setattr(single_law, "led_on", lambda *given: led.append(given) or [curve(780.0)])
+    monkeypatch.setattr(single_law, "refine_contenders", lambda *given: led.append(given) or [curve(780.0)])
     monkeypatch.setattr(single_law, "two_curves", lambda *_, beat: [curve(780.0)])
     assert START == 1000.0
-    assert not law.replaces_effects(cast(Any, Fit(817.0)), ()) and law.or_two_may_reach(789.0) and not led
-    assert law.or_two_may_reach(791.0) and len(led) == 1
+    assert not law.replaces_effects(cast(Any, Fit(817.0)), ()) and law.one_or_two_laws_may_beat(789.0) and not led
+    assert law.one_or_two_laws_may_beat(791.0) and len(led) == 1
 
 
 def test_a_law_whose_curve_stays_above_the_effects_is_not_learned(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -225,7 +227,7 @@ def test_one_shot_and_shots_that_none_predicts_show_no_curve(
     shots: int, held: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     law = replace(alone(discovery(), monkeypatch), start=cast(Any, Fit(START, shots)), held=held)
-    assert law.curves == [] and law.found is None and not law.or_two_may_reach(math.inf)
+    assert law.curves == [] and law.found is None and not law.one_or_two_laws_may_beat(math.inf)
 
 
 def test_only_arguments_that_may_still_come_to_the_front_are_searched_to_the_end(
@@ -241,7 +243,7 @@ def test_only_arguments_that_may_still_come_to_the_front_are_searched_to_the_end
 
     def screened(_ground: object, argument: Any, *_: object, **__: object) -> Any:
         bic = rough[argument.name]
-        return SimpleNamespace(bic=bic, at_best=bic, problem=None, z=bic, terms=())
+        return SimpleNamespace(bic=bic, least_form_bic=bic, problem=None, z=bic, terms=())
 
     monkeypatch.setattr(law_learning, "fit_with_motions", lambda _start: None)
     monkeypatch.setattr(law_learning, "screen", screened)
@@ -257,7 +259,7 @@ def test_only_arguments_that_may_still_come_to_the_front_are_searched_to_the_end
 def test_two_curves_that_cannot_come_low_enough_get_no_finer_knots(
     beat: float, found: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pair: Any = SimpleNamespace(bic=900.0, at_best=900.0, terms=(1, 2), with_last=lambda _which: pair)
+    pair: Any = SimpleNamespace(bic=900.0, least_form_bic=900.0, terms=(1, 2), with_last=lambda _which: pair)
     refined: list[object] = []
 
     def finer(learned: object, *_: object) -> object:
@@ -268,7 +270,7 @@ def test_two_curves_that_cannot_come_low_enough_get_no_finer_knots(
     monkeypatch.setattr(two_laws, "arguments_of", lambda _start: [])
     monkeypatch.setattr(two_laws, "likeliest_pairs", lambda *_: [(1, 2)])
     monkeypatch.setattr(two_laws, "fit_terms", lambda *_, **__: pair)
-    monkeypatch.setattr(two_laws, "to_the_front", lambda _start, rough, _stop: rough)
+    monkeypatch.setattr(two_laws, "converge_contenders", lambda _start, rough, _stop: rough)
     monkeypatch.setattr(two_laws, "finer", finer)
     curves = two_laws.two_curves(cast(Any, SimpleNamespace(bic=START, problem=None, z=None)), calm, beat=beat)
     assert curves == ([pair] if found else []) and len(refined) == (2 if found else 0)
@@ -311,7 +313,7 @@ def test_one_law_is_learned_within_the_time_and_told_as_half_of_a_diagnosis(
         asked.append((of, stop))
         return rough
 
-    def led_on(of: Any, given: Any, stop: Any) -> Any:
+    def refine_contenders(of: Any, given: Any, stop: Any) -> Any:
         asked.append((of, given, stop))
         return curves
 
@@ -321,7 +323,7 @@ def test_one_law_is_learned_within_the_time_and_told_as_half_of_a_diagnosis(
         return "law"
 
     monkeypatch.setattr(single_law, "rough_curves", rough_curves)
-    monkeypatch.setattr(single_law, "led_on", led_on)
+    monkeypatch.setattr(single_law, "refine_contenders", refine_contenders)
     monkeypatch.setattr(single_law, "learn_law", learn)
     monkeypatch.setattr(
         single_law, "two_curves", lambda of, stop, *, beat: asked.append((of, stop, beat)) or [curve(850.0)]
@@ -335,10 +337,12 @@ def test_one_law_is_learned_within_the_time_and_told_as_half_of_a_diagnosis(
     assert asked == ([] if over else [(start, limit), (start, rough, limit), (start, (0, 2), limit, curves)])
     limit.asked.clear()
     asked.clear()
-    assert law.or_two_may_reach(856.1) is not over and not limit.asked  # one may: a fifth more than its curve gained
-    assert law.or_two_may_reach(855.9) is not over and limit.asked == ([] if over else [step])
+    assert (
+        law.one_or_two_laws_may_beat(856.1) is not over and not limit.asked
+    )  # one may: a fifth more than its curve gained
+    assert law.one_or_two_laws_may_beat(855.9) is not over and limit.asked == ([] if over else [step])
     assert asked == ([] if over else [(start, limit, 855.9)])
-    assert not law.or_two_may_reach(819.9)
+    assert not law.one_or_two_laws_may_beat(819.9)
 
 
 @pytest.mark.parametrize(("bic", "reaches"), [(START - 101.0, True), (START - 99.0, False)])
@@ -358,5 +362,5 @@ def test_one_step_of_a_law_in_flight_tells_whether_it_may_come_low_enough(
     shots = [1, 2] if can_be_tested else [1]
     start: Any = SimpleNamespace(bic=START, problem=SimpleNamespace(data=SimpleNamespace(shots=shots)))
     law = single_law.SingleLaw(start, (1,), lambda *_: None, calm, limit)
-    assert law.in_flight_may_reach(START - 200.0) is (reaches and can_be_tested)
+    assert law.flight_law_may_beat(START - 200.0) is (reaches and can_be_tested)
     assert asked == ([{"steps": 1, "where": "block"}] if can_be_tested else [])

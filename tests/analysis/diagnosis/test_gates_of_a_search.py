@@ -15,10 +15,10 @@ from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import Trail, prune
 from analysis.diagnosis.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
-from analysis.diagnosis.verdict.acceptance import keep_predictive, settle
+from analysis.diagnosis.verdict.acceptance import settle, without_unpredictive_effects
 from analysis.diagnosis.verdict.coincidence import PerShotCost, imitates_by_coincidence
 from analysis.diagnosis.verdict.cross_validation import Prediction
-from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit, worst
+from analysis.diagnosis.verdict.lack_of_fit import NO_MISFIT, LackOfFit, largest_misfit
 from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference import Fitted, joined
 from analysis.inference.noise.floor import Floor
@@ -82,7 +82,7 @@ def test_one_effect_makes_the_held_out_shots_likelier(
     surprise: float, passes: bool, foretold: Callable[..., list[Floor]]
 ) -> None:
     floors = foretold({(): 10.0, (TILT,): surprise})
-    best, told = keep_predictive(cast(Any, Fit((TILT,), WANDERING)), HELD, trail())
+    best, told = without_unpredictive_effects(cast(Any, Fit((TILT,), WANDERING)), HELD, trail())
     assert best.effects == ((TILT,) if passes else ())
     assert told == (predicted(10.0), predicted(surprise if passes else 10.0))
     assert floors == [WANDERING, WANDERING]
@@ -101,7 +101,7 @@ def test_each_of_two_effects_pays_on_the_held_out_shots(
     alone: dict[tuple[Effect, ...], float], left: tuple[Effect, ...], foretold: Callable[..., list[Floor]]
 ) -> None:
     foretold({(): 10.0, (ADHESION, TILT): 8.5, **alone})
-    best, told = keep_predictive(cast(Any, BOTH), HELD, trail())
+    best, told = without_unpredictive_effects(cast(Any, BOTH), HELD, trail())
     assert best.effects == left
     assert told == (predicted(10.0), predicted(8.5 if len(left) == 2 else 8.0))
 
@@ -109,13 +109,16 @@ def test_each_of_two_effects_pays_on_the_held_out_shots(
 def test_where_no_effect_of_two_pays_nothing_is_left(foretold: Callable[..., list[Floor]]) -> None:
     foretold({(): 10.0, (ADHESION, TILT): 12.0, (TILT,): 11.0, (ADHESION,): 11.0})
     found = trail()
-    assert keep_predictive(cast(Any, BOTH), HELD, found) == (found.start, (predicted(10.0), predicted(10.0)))
+    assert without_unpredictive_effects(cast(Any, BOTH), HELD, found) == (
+        found.start,
+        (predicted(10.0), predicted(10.0)),
+    )
 
 
 def test_where_nothing_can_be_foretold_nothing_is_claimed_of_it(foretold: Callable[..., list[Floor]]) -> None:
     foretold({(): 10.0, (TILT,): None})
-    assert keep_predictive(cast(Any, ONE), HELD, trail()) == (cast(Any, ONE), None)
-    assert keep_predictive(cast(Any, ONE), (), trail()) == (cast(Any, ONE), None)
+    assert without_unpredictive_effects(cast(Any, ONE), HELD, trail()) == (cast(Any, ONE), None)
+    assert without_unpredictive_effects(cast(Any, ONE), (), trail()) == (cast(Any, ONE), None)
 
 
 class Stages:
@@ -143,7 +146,7 @@ class Stages:
             clean = self.clean.get(best, best)
             return clean, at, rest if clean is best else left[clean]
 
-        patch.setattr(acceptance, "keep_predictive", lambda best, *_: (self.paid.get(best, best), None))
+        patch.setattr(acceptance, "without_unpredictive_effects", lambda best, *_: (self.paid.get(best, best), None))
         patch.setattr(acceptance, "without_faint_effects", lambda best, *_: (self.bright.get(best, best), None))
         patch.setattr(acceptance, "with_look_alikes_tried", with_look_alikes_tried)
         patch.setattr(acceptance, "residual_of", lambda best, _at: left[best])
@@ -255,7 +258,9 @@ def test_what_is_named_instead_is_foretold_better_than_nothing(
     surprise: float, may: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     Stages(monkeypatch, {ONE: NOTHING_LEFT, OTHER: NOTHING_LEFT}, ONE)
-    monkeypatch.setattr(acceptance, "keep_predictive", lambda best, *_: (best, (predicted(10.0), predicted(5.0))))
+    monkeypatch.setattr(
+        acceptance, "without_unpredictive_effects", lambda best, *_: (best, (predicted(10.0), predicted(5.0)))
+    )
     monkeypatch.setattr(acceptance, "predict", lambda *_: predicted(surprise))
     monkeypatch.setattr(
         acceptance,
@@ -324,15 +329,15 @@ def lacking(
     monkeypatch.setattr(lack_of_fit, "gain", lambda _fitted, _at, shape: gains[shape])
     fitted = SimpleNamespace(problem=problem, point=None, wanders_in_contact_alone=in_contact)
     at = cast(Any, SimpleNamespace(lines=()))
-    return worst(cast(Any, fitted), at, at, slow)
+    return largest_misfit(cast(Any, fitted), at, at, slow)
 
 
-@pytest.mark.parametrize(("last", "missed"), [(5e-4, None), (5.5e-4, Freedom.EFFECT_APART)])
+@pytest.mark.parametrize(("last", "missed"), [(5e-4, None), (5.5e-4, Freedom.EFFECT_PER_SHOT)])
 def test_an_effect_that_is_another_one_in_one_shot_is_missed_as_that(last: float, missed: Freedom | None) -> None:
     first, other = (shots({"viscous_drag": {"coefficient_n_s_per_m": c}}) for c in (5e-4, last))
     fitted = joined(base_fit((*first[:2], other[2])), [KINDS["viscous_drag"]], calm)
     at = fitted.linearise()
-    found = worst(fitted, at, at)
+    found = largest_misfit(fitted, at, at)
     assert (found.shape if found.significant else None) is missed
 
 
@@ -364,5 +369,5 @@ def test_the_freedom_is_named_that_exceeds_its_limit_most(monkeypatch: pytest.Mo
 
 
 def test_shapes_that_the_fit_has_already_are_not_missed(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert lacking({"kinks": (0.0, 0, CALM), "place": (0.0, 0, CALM)}, monkeypatch) is NOTHING
-    assert not NOTHING.significant
+    assert lacking({"kinks": (0.0, 0, CALM), "place": (0.0, 0, CALM)}, monkeypatch) is NO_MISFIT
+    assert not NO_MISFIT.significant

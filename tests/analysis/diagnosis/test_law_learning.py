@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import pytest
 
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
-from analysis.diagnosis.learning.two_laws import learn_another, learn_laws, learn_two
+from analysis.diagnosis.learning.two_laws import learn_laws, learn_second_law, learn_two
 from analysis.diagnosis.verdict.cross_validation import choose
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
@@ -62,7 +62,7 @@ def test_what_cannot_come_before_a_criterion_is_not_asked_to_the_end(
 
     out_of_reach = first.fitted.bic - 3.0 * (start.bic - first.fitted.bic)
     assert learn_law(start, held, tell, lambda: False, beat=out_of_reach) is None
-    assert learn_another(first, held, tell, lambda: False, beat=out_of_reach) is first
+    assert learn_second_law(first, held, tell, lambda: False, beat=out_of_reach) is first
     assert "trying a force of the place" in told and "learning two laws at once" in told
     assert not any(what.startswith("reading the curve") or what == "learning a second law" for what in told)
 

@@ -18,9 +18,10 @@ def argument(name: str, where: str = "block") -> Any:
     return SimpleNamespace(name=name, where=where)
 
 
-def curve(bic: float, name: str = "a", at_best: float | None = None) -> Any:
+def curve(bic: float, name: str = "a", least_form_bic: float | None = None) -> Any:
     return SimpleNamespace(
-        bic=bic, at_best=bic if at_best is None else at_best, terms=[SimpleNamespace(argument=argument(name))],
+        bic=bic, least_form_bic=bic if least_form_bic is None else least_form_bic,
+        terms=[SimpleNamespace(argument=argument(name))],
         problem="problem", z="z",
     )  # fmt: skip
 
@@ -101,11 +102,11 @@ def test_curves_that_no_form_may_bring_to_the_front_are_left(monkeypatch: pytest
     assert module.rough_curves("start", lambda *_: None, calm) == []  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("at_best", "found"), [(971.9, True), (972.1, False)])
+@pytest.mark.parametrize(("least_form_bic", "found"), [(971.9, True), (972.1, False)])
 def test_curves_of_a_law_that_is_known_are_not_sought_again(
-    at_best: float, found: bool, monkeypatch: pytest.MonkeyPatch
+    least_form_bic: float, found: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fine = {"a": (965.0, "a", at_best), "b": (966.0, "b", 980.0)}
+    fine = {"a": (965.0, "a", least_form_bic), "b": (966.0, "b", 980.0)}
     screen = Screen(monkeypatch, {"a": 900.0, "b": 900.0}, {}, fine)
     monkeypatch.setattr(module, "arguments_of", lambda start: [argument("a"), argument("b"), argument("a", "plate")])
     assert screen.curves() == ([("a", 965.0), ("a", 965.0)] if found else [])
@@ -142,8 +143,10 @@ class Forms:
         patch.setattr(module, "side_by_side", lambda function, items: [function(item) for item in items])  # in order
         patch.setattr(module, "likely_forms", likely_forms)
         patch.setattr(module, "_refined", refined)
-        patch.setattr(module, "_led_on", led_on)
-        patch.setattr(module, "over_kinks", lambda fitted, stop: self.asked.append(f"kinks {fitted.name}") or fitted)
+        patch.setattr(module, "_converged", led_on)
+        patch.setattr(
+            module, "refit_resolving_kinks", lambda fitted, stop: self.asked.append(f"kinks {fitted.name}") or fitted
+        )
         patch.setattr(module, "residual_of", lambda fitted, at: ("left", fitted.name, at))
         patch.setattr(
             module,
@@ -172,7 +175,7 @@ def test_forms_near_a_curve_are_fitted_first_and_the_others_where_none_meets_it(
     distances = {"a": [100.0, 599.0, 601.0], "b": [0.0, 199.0, 201.0]}
     forms = Forms(monkeypatch, distances, {"a0": 510.0, "a1": 505.0, "b0": 530.0, "b1": 525.0, "b2": 507.0})
     forms.ends = {"a0": 501.0}
-    found = forms.learned(curve(500.0), curve(502.0, "b", at_best=514.9))
+    found = forms.learned(curve(500.0), curve(502.0, "b", least_form_bic=514.9))
     assert forms.asked == [
         ["a0", "a1"],  # a1 is as good as the best curve, so that a2 is not fitted
         ["b0", "b1"], ["b2"],  # neither of b's is
@@ -210,4 +213,4 @@ def test_forms_are_fitted_beside_the_best_that_is_known(monkeypatch: pytest.Monk
     assert asked == [("start", [("one",), ("two",)], calm, beat) for beat in (490.0, 500.0)]
     monkeypatch.setattr(module, "on_frame_anew", lambda fitted, stop: ("on frame", fitted, stop))
     one: Any = FormFit(SimpleNamespace(continued=lambda stop: ("led on", stop)), learned, "two")  # type: ignore[arg-type]
-    assert module._led_on(one, calm) == FormFit(("on frame", ("led on", calm), calm), learned, "two")  # type: ignore[arg-type]
+    assert module._converged(one, calm) == FormFit(("on frame", ("led on", calm), calm), learned, "two")  # type: ignore[arg-type]

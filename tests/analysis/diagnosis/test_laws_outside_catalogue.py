@@ -119,8 +119,8 @@ def test_an_effect_that_no_longer_pays_beside_a_law_goes(
     assert again.predictions == ("base", "told")
 
 
-def curve(bic: float, at_best: float = 0.0) -> Any:
-    return SimpleNamespace(bic=bic, at_best=at_best)
+def curve(bic: float, least_form_bic: float = 0.0) -> Any:
+    return SimpleNamespace(bic=bic, least_form_bic=least_form_bic)
 
 
 @pytest.mark.parametrize(
@@ -151,9 +151,9 @@ def test_a_curve_gets_twice_the_knots_while_that_pays(
 def test_a_form_may_gain_a_fifth_more_than_its_curve() -> None:
     start: Any = curve(200.0)
     curves = [curve(0.0, 150.0), curve(0.0, 100.0)]
-    assert law_learning.forms_may_reach(80.1, curves, start) and not law_learning.forms_may_reach(79.9, curves, start)
-    assert law_learning.forms_may_reach(math.inf, curves[:1], start)
-    assert not law_learning.forms_may_reach(9e9, [], start)
+    assert law_learning.forms_may_beat(80.1, curves, start) and not law_learning.forms_may_beat(79.9, curves, start)
+    assert law_learning.forms_may_beat(math.inf, curves[:1], start)
+    assert not law_learning.forms_may_beat(9e9, [], start)
     for one_body in (True, False):
         data = SimpleNamespace(base=SimpleNamespace(one_body=one_body))
         fit: Any = SimpleNamespace(problem=SimpleNamespace(data=data))
@@ -188,13 +188,13 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
     first = SimpleNamespace(explains=explains, fitted=curve(-21.0))
     alone: Any = SimpleNamespace(
         start="start", held=(3,), tell=lambda *what: told.append(what), stop="stop", limit=limit, found=first,
-        or_two_may_reach=lambda beat: reach and beat == instead,
+        one_or_two_laws_may_beat=lambda beat: reach and beat == instead,
     )  # fmt: skip
     instead = min(8.0, nearest_bic + (0.0 if faint else 28.0)) if helped else 8.0
     nearest: Any = SimpleNamespace(linearise=lambda: "at", bic=nearest_bic)
     second_bic = -21.0
     monkeypatch.setattr(
-        module, "learn_another", lambda *given, beat: SimpleNamespace(given=(*given, beat), fitted=curve(second_bic))
+        module, "learn_second_law", lambda *given, beat: SimpleNamespace(given=(*given, beat), fitted=curve(second_bic))
     )
     monkeypatch.setattr(module, "learn_law", lambda *given, beat: ("law", *given, beat) if joined else None)
     monkeypatch.setattr(module, "_alone", lambda found: ("alone", found))

@@ -16,7 +16,13 @@ from analysis.diagnosis import words
 from analysis.diagnosis.learning import learned_law as module
 from analysis.diagnosis.learning.closed_forms import Fitting, information
 from analysis.diagnosis.learning.curve_motion import Term
-from analysis.diagnosis.learning.learned_law import FormFit, as_learned, in_joint_fit, is_same_function, news
+from analysis.diagnosis.learning.learned_law import (
+    FormFit,
+    as_learned,
+    in_joint_fit,
+    is_same_function,
+    part_beyond_base,
+)
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, OtherForm
 from analysis.shot.quantity import Quantity
 
@@ -37,7 +43,7 @@ def test_forms_that_are_one_curve_over_the_range_are_readings_of_one_function(
     form: str, values: dict[str, float], same: bool
 ) -> None:
     other, shown = OtherForm(BEND.where, BEND.name, form, "", 0.1, curve(form, **values)), curve("quadratic", a=200.0)
-    assert is_same_function(other, shown, news(BEND, AT_M, shown)) is same
+    assert is_same_function(other, shown, part_beyond_base(BEND, AT_M, shown)) is same
 
 
 def test_a_form_of_another_argument_is_never_the_same_function() -> None:
@@ -55,7 +61,7 @@ def test_forms_that_differ_only_beside_what_the_base_model_holds_are_not_one_fun
     close = saturating + (moved - saturating) * 5e-4 * float(np.max(np.abs(saturating))) / apart
     other = OtherForm("contact", "overlap", "power", "", 0.3, close)
     assert is_same_function(other, saturating, saturating)
-    assert not is_same_function(other, saturating, news(overlap, at_m, saturating))
+    assert not is_same_function(other, saturating, part_beyond_base(overlap, at_m, saturating))
 
 
 def test_a_law_of_ones_own_is_told_with_its_formula_and_its_units() -> None:

@@ -11,7 +11,7 @@ import pytest
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
 from analysis.collision.laws.forms import FORMS
-from analysis.diagnosis.learning.closed_forms import gauge, information, is_its_own, is_law
+from analysis.diagnosis.learning.closed_forms import gauge, information, is_distinct_over, is_outside_base
 from analysis.diagnosis.learning.curve_fit import Learned, _moved, _penalised
 from analysis.diagnosis.learning.curve_motion import Term
 from analysis.diagnosis.learning.learned_law import _as
@@ -99,7 +99,7 @@ def test_a_fit_of_two_curves_and_the_same_with_the_other_last() -> None:
     learned = made()
     assert learned.samples == 200
     assert learned.bic == pytest.approx((3 + 6.5) * math.log(200) + 200.0)
-    assert learned.at_best == pytest.approx((3 + 2) * math.log(200) + 200.0)
+    assert learned.least_form_bic == pytest.approx((3 + 2) * math.log(200) + 200.0)
     swapped = learned.with_last(0)
     assert swapped.terms == learned.terms[::-1]
     for mine, other in ((0, 1), (1, 0)):
@@ -116,7 +116,7 @@ def test_a_fit_of_two_curves_and_the_same_with_the_other_last() -> None:
     assert moved[1].coefficients.tolist() == [9.0] * 5
     left, c = np.array([1.0, 2.0]), np.concatenate([term.coefficients for term in learned.terms])
     assert _penalised(left, learned.terms, learned.penalty) == pytest.approx(5.0 + c @ learned.penalty @ c)
-    assert replace(learned, freedom=2.0).at_best == learned.at_best
+    assert replace(learned, freedom=2.0).least_form_bic == learned.least_form_bic
 
 
 def test_what_the_base_model_holds_is_taken_off_a_curve_where_it_is_well_known() -> None:
@@ -143,13 +143,13 @@ def test_what_the_base_model_holds_is_taken_off_a_curve_where_it_is_well_known()
 def test_a_form_is_a_law_of_its_own_or_a_twin_on_one_side() -> None:
     by_name = {form.name: form for form in FORMS}
     contact = next(one for one in ARGUMENTS if one.where == "contact" and not one.factor)
-    assert is_law(by_name["constant"], contact) and not is_law(by_name["constant"], PLACE)
-    assert is_law(by_name["linear"], PLACE)
+    assert is_outside_base(by_name["constant"], contact) and not is_outside_base(by_name["constant"], PLACE)
+    assert is_outside_base(by_name["linear"], PLACE)
     for name in ("quadratic, odd", "power, odd"):
-        assert is_its_own(by_name[name], -1.0, 1.0) and is_its_own(by_name[name], -0.021, 1.0)
-        assert not is_its_own(by_name[name], -0.019, 1.0) and not is_its_own(by_name[name], -1.0, 0.019)
-    assert is_its_own(by_name["quadratic"], 0.0, 1.0)
-    assert not is_its_own(by_name["falling exponential"], 0.0, 1.0)
-    assert is_its_own(by_name["rising exponential"], 0.0, 1.0)
-    assert is_its_own(by_name["falling exponential"], -1.0, 0.0)
-    assert not is_its_own(by_name["rising exponential"], -1.0, 0.0)
+        assert is_distinct_over(by_name[name], -1.0, 1.0) and is_distinct_over(by_name[name], -0.021, 1.0)
+        assert not is_distinct_over(by_name[name], -0.019, 1.0) and not is_distinct_over(by_name[name], -1.0, 0.019)
+    assert is_distinct_over(by_name["quadratic"], 0.0, 1.0)
+    assert not is_distinct_over(by_name["falling exponential"], 0.0, 1.0)
+    assert is_distinct_over(by_name["rising exponential"], 0.0, 1.0)
+    assert is_distinct_over(by_name["falling exponential"], -1.0, 0.0)
+    assert not is_distinct_over(by_name["rising exponential"], -1.0, 0.0)

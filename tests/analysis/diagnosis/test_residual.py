@@ -12,19 +12,19 @@ from scipy.stats import chi2 as of_chance
 from analysis.diagnosis.result import Freedom, Phase
 from analysis.diagnosis.verdict import lack_of_fit
 from analysis.diagnosis.verdict import residual as module
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_reach
+from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from analysis.diagnosis.verdict.lack_of_fit import (
-    NOTHING,
+    NO_MISFIT,
     LackOfFit,
     _after_turn,
     _apart,
     _inside,
     _kinks,
     _pushed,
-    colour,
     free_laws,
     gain,
     hats,
+    low_frequency_excess,
     shared,
 )
 from analysis.diagnosis.verdict.residual import (
@@ -101,8 +101,8 @@ def test_the_correlation_is_the_largest_of_twenty_lags_the_first_three_by_half()
         expected = times * 0.5 / 1.25
         assert _correlation(alike(lag, -0.5)) == pytest.approx(expected, abs=0.02)
     neighbours = alike(2, 0.3)
-    assert colour(neighbours) == pytest.approx(1.0 + 2.0 * 0.3 / 1.09, abs=0.08)
-    assert colour(alike(3, -0.5)) == 1.0 == pytest.approx(colour(alike(4, 0.5)), abs=0.08)
+    assert low_frequency_excess(neighbours) == pytest.approx(1.0 + 2.0 * 0.3 / 1.09, abs=0.08)
+    assert low_frequency_excess(alike(3, -0.5)) == 1.0 == pytest.approx(low_frequency_excess(alike(4, 0.5)), abs=0.08)
 
 
 def test_the_ratio_is_of_the_loudest_phase_to_the_quietest() -> None:
@@ -238,9 +238,9 @@ def test_errors_are_pooled_over_the_samples_of_all_shots(monkeypatch: pytest.Mon
 
 def test_a_criterion_may_be_reached_where_each_round_gains_as_much_as_all_before() -> None:
     # from 100 to 90: one round more leads to 80, two to 60
-    assert may_reach(80.1, 90.0, 100.0) and not may_reach(80.0, 90.0, 100.0)
-    assert may_reach(60.1, 90.0, 100.0, 2) and not may_reach(60.0, 90.0, 100.0, 2)
-    assert may_reach(90.1, 90.0, 100.0, 0) and not may_reach(90.0, 90.0, 100.0, 0)
+    assert may_beat(80.1, 90.0, 100.0) and not may_beat(80.0, 90.0, 100.0)
+    assert may_beat(60.1, 90.0, 100.0, 2) and not may_beat(60.0, 90.0, 100.0, 2)
+    assert may_beat(90.1, 90.0, 100.0, 0) and not may_beat(90.0, 90.0, 100.0, 0)
     assert CRITERIA.fall(1) == 10.0 and CRITERIA.fall(20) == pytest.approx(10 + 2 * math.log(20))
     assert CRITERIA.fall(0, wandering=True) == 22.0
     assert [CRITERIA.size_of_one(of) for of in (0, 1, 2, 3, 4)] == [5.0, 5.0, 12.0, 30.0, 30.0]
@@ -287,10 +287,10 @@ def test_a_residual_is_tested_whole(over: bool, site: str | None, count: int, mo
     used = ("under", "flights") if site else at
     monkeypatch.setattr(module, "_correlation", lambda given: 0.01 if given is white else None)
     monkeypatch.setattr(module, "_ratio", lambda given, shots: 1.2 if given is white and shots is data.shots else None)
-    monkeypatch.setattr(module, "colour", lambda given: 1.5 if given is white else None)
+    monkeypatch.setattr(module, "low_frequency_excess", lambda given: 1.5 if given is white else None)
     coherence = limit + (1.0 if over else -1.0)
     monkeypatch.setattr(module, "_coherence", lambda one, at: (coherence, 40.0, 9) if at == used else None)
-    monkeypatch.setattr(module, "worst", lambda *given: given)
+    monkeypatch.setattr(module, "largest_misfit", lambda *given: given)
     found = residual_of(fitted, at)
     assert (found.correlation, found.ratio, found.samples) == (0.01, 1.2, 5 * count)
     assert found.misfit == (fitted, at, used, 1.5)
@@ -433,4 +433,4 @@ def test_free_laws_push_the_block_as_their_argument_says(monkeypatch: pytest.Mon
     for k, (_, mass, stiffness, touch, spacing) in enumerate(noted):
         shot = shots[k // 5]
         assert (mass, stiffness, touch, spacing) == (shot.moving_mass_kg, 200.0, touching[k // 5], shot.spacing_s)
-    assert NOTHING.size == 0.0 and LackOfFit(Freedom.PLACE, 20.0, 9.0, 4).size == 4.0
+    assert NO_MISFIT.size == 0.0 and LackOfFit(Freedom.PLACE, 20.0, 9.0, 4).size == 4.0

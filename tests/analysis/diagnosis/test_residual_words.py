@@ -9,7 +9,7 @@ import pytest
 from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis import words
 from analysis.diagnosis.result import Candidate, Freedom, Phase, Standing
-from analysis.diagnosis.verdict.lack_of_fit import NOTHING, LackOfFit
+from analysis.diagnosis.verdict.lack_of_fit import NO_MISFIT, LackOfFit
 from analysis.diagnosis.verdict.residual import remainder_of
 from analysis.diagnosis.wording import remark_on
 
@@ -57,7 +57,7 @@ def test_what_a_residual_looks_like_has_a_size() -> None:
     assert said.endswith("; it looks like a force of the place (10 noise norms)")
     beside = words.remainder(remainder_of(cast(Any, _fit(2.0)), misfit, [CATALOGUE["tilt"]]))
     assert "best imitated by tilt, which did not pass every test; the residual beside them looks like" in beside
-    assert "looks like" not in words.remainder(remainder_of(cast(Any, _fit(2.0)), NOTHING))
+    assert "looks like" not in words.remainder(remainder_of(cast(Any, _fit(2.0)), NO_MISFIT))
 
 
 def test_every_kind_of_remainder_and_standing_has_words() -> None:

@@ -42,7 +42,7 @@ def test_a_search_goes_on_where_rounds_are_left_and_something_is(
     monkeypatch.setattr(search, "leaves_something", lambda residual, *, nothing_pays: (residual, nothing_pays))
     searched = SearchResult(best, trail, ("catalogue",), rounds)
     assert searched.leaves_something == (left, True)
-    ended: Any = searched.to_the_end()
+    ended: Any = searched.to_convergence()
     goes_on = bool(rounds) and significant
     assert ended == (SearchResult((best, trail, rounds), trail, ("catalogue",)) if goes_on else searched)  # type: ignore[arg-type]
 

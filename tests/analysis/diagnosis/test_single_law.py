@@ -39,7 +39,7 @@ def test_one_shot_alone_shows_no_law_that_could_beat_anything() -> None:
     motions = shots({}, count=1)
     alone = SingleLaw(base_fit(motions), (), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
     assert alone.curves == [] and alone.found is None
-    assert not alone.or_two_may_reach(math.inf)
+    assert not alone.one_or_two_laws_may_beat(math.inf)
 
 
 @pytest.mark.slow

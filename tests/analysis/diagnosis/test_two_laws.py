@@ -57,7 +57,7 @@ def learned(
     monkeypatch.setattr(module, "two_curves", lambda *_, beat: [curves, *(also or [])])
     monkeypatch.setattr(module, "likely_forms", lambda c, most, which: [f"{'ab'[which]}{k}" for k in range(3)])
     monkeypatch.setattr(module, "fit_forms", fit_forms)
-    monkeypatch.setattr(module, "over_kinks", lambda fitted, stop: kinks(fitted))
+    monkeypatch.setattr(module, "refit_resolving_kinks", lambda fitted, stop: kinks(fitted))
     monkeypatch.setattr(module, "without_effect", without)
     monkeypatch.setattr(module, "predict", foretell)
     monkeypatch.setattr(module, "residual_of", lambda fitted, at: "left" if at == "at" and fitted.pair else None)
@@ -169,7 +169,7 @@ def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all
         monkeypatch.setattr(module, "learn_law", lambda *given, **named: asked.append((given, named)) or of_second)
         monkeypatch.setattr(module, "in_joint_fit", lambda law, fitted, named: (law.name, fitted.name, named))
         told.clear()
-        return module.learn_another(first, (1,), lambda *what: told.append(what), lambda: False, beat=beat)
+        return module.learn_second_law(first, (1,), lambda *what: told.append(what), lambda: False, beat=beat)
 
     assert another(together, second) is together and not asked
     assert another(together, second, beat=31.0) is together and below == [60.0 - 28.0, 31.0]
@@ -187,7 +187,7 @@ def test_a_second_law_is_added_to_the_first_where_two_at_once_do_not_explain_all
     assert another(None, None) is first and another(None, second, beat=19.0) is first and not asked  # gains 40 again
     assert another(None, second, beat=21.0) is not first
     monkeypatch.setattr(module, "learn_law", lambda *_: together)
-    monkeypatch.setattr(module, "learn_another", lambda *_, beat: ("another", beat))
+    monkeypatch.setattr(module, "learn_second_law", lambda *_, beat: ("another", beat))
     given: Any = ("start", (1,), None, None)
     assert module.learn_laws(*given) is together
     monkeypatch.setattr(module, "learn_law", lambda *_: first)
@@ -217,7 +217,7 @@ def test_the_pairs_of_curves_likeliest_to_first_order_are_fitted_and_the_best_ge
             raise Infeasible("nowhere")
         return Curves(bics[terms])
 
-    def to_the_front(given: Any, rough: list[Curves], stop: Any) -> list[Curves]:
+    def converge_contenders(given: Any, rough: list[Curves], stop: Any) -> list[Curves]:
         assert (given, stop) == (start, "stop")
         led_on.append([one.bic for one in rough])
         return [Curves(one.bic - 10.0) for one in rough]
@@ -230,9 +230,9 @@ def test_the_pairs_of_curves_likeliest_to_first_order_are_fitted_and_the_best_ge
     monkeypatch.setattr(module, "arguments_of", lambda start: ("arguments", start))
     monkeypatch.setattr(module, "likeliest_pairs", lambda *given: [*range(7)] if given == pairs else [])
     monkeypatch.setattr(module, "fit_terms", fit_terms)
-    monkeypatch.setattr(module, "to_the_front", to_the_front)
+    monkeypatch.setattr(module, "converge_contenders", converge_contenders)
     monkeypatch.setattr(module, "finer", finer)
-    monkeypatch.setattr(module, "forms_may_reach", lambda beat, curves, start: beat > curves[0].bic)
+    monkeypatch.setattr(module, "forms_may_beat", lambda beat, curves, start: beat > curves[0].bic)
     start: Any = SimpleNamespace(problem="problem", z="z", bic=100.0)
     pairs = (("before_law", start), ("arguments", start), 12, "stop")
     stop: Any = "stop"

@@ -34,7 +34,10 @@ def diagnosis(verdict: Verdict, effects: tuple[FoundEffect, ...] = (), after: fl
 
 def test_a_parameter_in_words() -> None:
     assert words.unit_of("coefficient_n_s_per_m") == "N s/m" == words.unit_of("coefficient_n_s_per_m.2")
-    assert words.stem("moving_mass_kg") == "moving mass" and words.stem("velocity_m_per_s.3") == "velocity of shot 3"
+    assert (
+        words.parameter_words("moving_mass_kg") == "moving mass"
+        and words.parameter_words("velocity_m_per_s.3") == "velocity of shot 3"
+    )
     assert words.quantity("force_n", FORCE) == f"{FORCE.in_a_sentence()} N"
     assert words.quantity("share", FORCE) == FORCE.in_a_sentence()
     assert words.quantity("force_n", FORCE, "mN") == f"{FORCE.in_a_sentence()} mN"
@@ -112,12 +115,12 @@ def test_what_each_shot_has_for_itself_is_told_by_its_span() -> None:
         return SimpleNamespace(own_parameters={name: Quantity(value, 0.0) for name, value in own.items()})
 
     fit: Any = SimpleNamespace(shots=[shot(0.012, -0.02), shot(-0.015, 0.01)])
-    assert words.taken_along(fit) == (
+    assert words.nuisance_sentence(fit) == (
         " Each shot has its own flight acceleration: before the contact -0.015 to 0.012, after the contact -0.02 to "
         "0.01 m/s²."
     )
     none: Any = SimpleNamespace(shots=[SimpleNamespace(own_parameters={"tilt.a": Quantity(1.0, 0.0)})])
-    assert words.taken_along(none) == ""
+    assert words.nuisance_sentence(none) == ""
 
 
 def test_blind_spots_in_words() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from analysis.collision.laws.arguments import ARGUMENTS, Argument
 from analysis.collision.laws.forms import FORMS, Form
-from analysis.diagnosis.learning.closed_forms import is_its_own
+from analysis.diagnosis.learning.closed_forms import is_distinct_over
 
 AT = np.linspace(0.01, 1.0, 40)
 
@@ -19,7 +19,7 @@ def form(name: str) -> Form:
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_of_forms_that_are_one_function_on_a_side_of_zero_one_is_tried(side: float) -> None:
     low, high = sorted((0.0, side))
-    tried = [one for one in FORMS if is_its_own(one, low, high)]
+    tried = [one for one in FORMS if is_distinct_over(one, low, high)]
     values = {"a": 1.0, "b": 0.4, "c": 0.3, "n": 1.5}
     curves = {one.name: one.values(side * AT, values) for one in tried if one.positive == ("b",) and not one.powers}
     assert {"exponential", "rising exponential" if side > 0 else "falling exponential"} <= curves.keys()

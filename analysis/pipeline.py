@@ -128,7 +128,7 @@ def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | No
 def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) -> Shot:
     if shot.motion is None:
         return shot
-    from analysis.reading import NoImpact, check_collision, read_impact, where_it_went, why_reversed
+    from analysis.reading import NoImpact, check_collision, describe_motion, describe_reversal, read_impact
     from analysis.shot import with_rate_error
     from analysis.signal import LEFT as CROSS_TALK
 
@@ -144,7 +144,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
                 impact = replace(impact, deflection_max_m=unsure)
             shot = replace(shot, impact=impact, flags=_merged(shot.flags, impact.flags))
         except (NoImpact, AnalysisError) as error:
-            shot = replace(shot, problem=why_reversed(motion) or f"{error}{where_it_went(motion)}")
+            shot = replace(shot, problem=describe_reversal(motion) or f"{error}{describe_motion(motion)}")
         except (LinAlgError, ValueError, IndexError, ZeroDivisionError):
             shot = replace(shot, problem="the motion is in too many pieces, or too torn, to be read as one collision")
     shot = replace(shot, seconds={**shot.seconds, "impact": time.perf_counter() - started})

@@ -20,7 +20,7 @@ from analysis.inference import (
     averaged_shots,
     base_named,
     first_fit,
-    shakings_of,
+    frame_motions_of,
     site_under,
     trial_effects,
 )
@@ -66,7 +66,7 @@ class DiagnosisInput:
     @cached_property
     def site(self) -> Site | None:
         """Get the frame motion that the free flights before and after contact show; None where it is negligible."""
-        shakings = shakings_of(self.motions, self.model, self.shakings_read)
+        shakings = frame_motions_of(self.motions, self.model, self.shakings_read)
         return site_under(self.motions, shakings, CRITERIA.site_nm)
 
     @cached_property

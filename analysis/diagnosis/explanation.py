@@ -67,7 +67,7 @@ def explain_with_effects(
     question.progress("telling look-alikes apart", 0.8)
     best, linearised, separations, residual = settled.best, settled.linearised, settled.separations, settled.residual
     while True:
-        sure = with_std_over(best.under_likely_noises(), at_other_scales(best, trail))
+        sure = with_std_over(best.with_marginal_covariance(), at_other_scales(best, trail))
         sure = with_profile_std(sure, question.stop)
         parameters = effect_parameters(sure)
         found = [_found(best, n, parameters[n], residual, separations[n], trail) for n in trail.added(best)]

@@ -3,19 +3,19 @@ from .fit.arrow import Arrow, orthonormal
 from .fit.as_fit import as_fit, effect_parameters
 from .fit.base import OWN_NAMES, PLATE_NAMES, SearchStart, base_named, start_from_fit
 from .fit.course import Course
-from .fit.effective_parameters import Point, to_actual
+from .fit.effective_parameters import Point, to_physical
 from .fit.first_fit import base_fit, first_fit
 from .fit.first_guesses import first_guesses
 from .fit.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
-from .fit.joint_data import JointData, joint_data, shakings_of, site_under, with_plates
+from .fit.joint_data import JointData, frame_motions_of, joint_data, site_under, with_plates
 from .fit.least_squares import damped_step, free_to_move
 from .fit.problem import Fitted, Linearised, Problem
 from .fit.profile import with_profile_std
-from .fit.relinearised_frame import on_frame_anew
+from .fit.relinearised_frame import with_frame_relinearised
 from .fit.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shots
 from .fit.shot_fit import fit_shots
 from .noise.floor import Floor, white_floor
-from .noise.per_shot_acceleration import own_flights
+from .noise.per_shot_acceleration import per_shot_nuisances
 from .noise.site import Site, resembles_frame_motion
 from .noise.sway import on_site
 from .screen.screening import Score, distinct_starts, opposite
@@ -48,25 +48,25 @@ __all__ = [
     "first_fit",
     "first_guesses",
     "fit_shots",
+    "frame_motions_of",
     "free_to_move",
     "joined",
     "joint_data",
-    "on_frame_anew",
     "on_site",
     "opposite",
     "orthonormal",
-    "own_flights",
+    "per_shot_nuisances",
     "refit",
     "resembles_frame_motion",
-    "shakings_of",
     "site_under",
     "start_from_fit",
-    "to_actual",
+    "to_physical",
     "trial_effect",
     "trial_effects",
     "trials_of",
     "white_floor",
     "with_both_effects",
+    "with_frame_relinearised",
     "with_plates",
     "with_profile_std",
 ]

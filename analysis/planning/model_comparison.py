@@ -16,8 +16,8 @@ from analysis.inference import (
     Point,
     Problem,
     averaged_shots,
+    frame_motions_of,
     joint_data,
-    shakings_of,
     site_under,
     start_from_fit,
     trials_of,
@@ -143,7 +143,7 @@ def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: S
     """Return the final fit of a diagnosis, at a sample rate that suits the ``others`` as well."""
     kinds = trials_of(given.effects)
     finely = any(effect.ripples for effect in (*given.effects, *others))
-    site = site_under(motions, shakings_of(motions, given.model, None), CRITERIA.site_nm)
+    site = site_under(motions, frame_motions_of(motions, given.model, None), CRITERIA.site_nm)
     begin = start_from_fit(given, motions)
     data = joint_data(averaged_shots(motions, FINE_RATE_HZ if finely else RATE_HZ), begin, site)
     values = tuple({kind.effect: _values(given, kind.effect, shot) for kind in kinds} for shot in range(len(motions)))
@@ -151,7 +151,7 @@ def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: S
     problem = Problem(data, kinds, data.white_noise, fixed=fixed)
     z = problem.pack(Point(begin.shared, begin.own, values))
     try:
-        return problem.with_first_noise(z).fit(z, cancelled=stop)
+        return problem.with_start_noise(z).fit(z, cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"the diagnosed model has no motion for these shots: {why}") from why
 

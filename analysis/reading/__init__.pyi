@@ -1,6 +1,6 @@
 from .pulse import SLOPE_SPAN
-from .read import NoImpact, read_impact, shaking_in
-from .record_checks import check_collision, where_it_went, why_reversed
+from .read import NoImpact, read_frame_motion, read_impact
+from .record_checks import check_collision, describe_motion, describe_reversal
 from .restricted_likelihood import (
     Curvature,
     RestrictedLikelihood,
@@ -25,12 +25,12 @@ __all__ = [
     "SiteFloor",
     "chain_precision",
     "check_collision",
+    "describe_motion",
+    "describe_reversal",
     "mixture_covariance",
     "points_about",
+    "read_frame_motion",
     "read_impact",
     "read_site",
     "root_of",
-    "shaking_in",
-    "where_it_went",
-    "why_reversed",
 ]

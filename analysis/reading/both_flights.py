@@ -42,7 +42,7 @@ class Flights:
     knocks_s: tuple[tuple[float, float], ...]
     plain: tuple[float, float]
     strengths: Floats  # the likeliest, as a start for ``estimate_floor``
-    knocks_kept: bool = False  # a knock fills a flight, so it could not be left out
+    unremovable_knock: bool = False  # a knock fills a flight, so it could not be left out
 
 
 def read_flights(
@@ -102,7 +102,7 @@ def read_flights(
         knocks_s=knocks,
         plain=(float(np.sqrt(plain[1, 1])), float(np.sqrt(plain[degree + 1, degree + 1])) if out is not None else 0.0),
         strengths=estimate.best,
-        knocks_kept=whole,
+        unremovable_knock=whole,
     )
 
 

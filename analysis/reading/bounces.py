@@ -20,14 +20,14 @@ NOISY = 1.5  # factor on that threshold above which a force within a flight is a
 EARLY_FRACTION = 0.4  # initial fraction of the whole contact that is searched for bounces
 STRAIGHT_SIGMAS = 4.0  # largest rms about a flight's line, in units of the record's white noise
 SHORTEST_FLIGHT = 5  # samples
-BENT_OVER = 0.5  # spacing, over a flight's duration, of the second difference that estimates the floor's curvature
-BENDS = 1.4  # std of a flight's end off its line, over the white noise, above which a parabola is fitted
+CURVATURE_LAG = 0.5  # spacing, over a flight's duration, of the second difference that estimates the floor's curvature
+CURVED_RATIO = 1.4  # std of a flight's end off its line, over the white noise, above which a parabola is fitted
 LONG_FLIGHT = 24  # samples, after trimming
 LINE_TRIM = 0.12  # fraction of a long flight left out at each end of its line: the contact may begin before it shows
 EDGE_REACH_SAMPLES = 40  # most samples of contact, beyond a long flight, used for its edge
 EDGE_SAMPLES = 10  # samples of contact on either side of a short flight that are fitted with it
-GRAZES = 0.35  # duration, over the first contact's, below which a flight may be a contact of little force
-GRAZING = 0.04  # the resulting uncertainty of both its ends, over the first contact's duration
+GRAZING_DURATION = 0.35  # duration, over the first contact's, below which a flight may be a contact of little force
+GRAZING_STD = 0.04  # the resulting uncertainty of both its ends, over the first contact's duration
 # degree of the polynomial through the displacement about a force peak: systematic error of the peak's time in units of
 # the rise before it; rms over 120 simulated shots, each with different bodies (the first three bounces)
 PEAK_DEGREES = {4: 0.04, 5: 0.016, 6: 0.004, 7: 0.0012, 8: 0.0005}
@@ -69,12 +69,12 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
             if time[inside[first]] - onsets[-1].time_s < 3.0 / motion.sample_rate_hz:
                 continue  # the force has not risen yet
             lasts = (last - first) / motion.sample_rate_hz
-            bent = float(np.hypot(noise, floor.difference_std_m(BENT_OVER * lasts, 2)))
+            bent = float(np.hypot(noise, floor.difference_std_m(CURVATURE_LAG * lasts, 2)))
             level = float(np.hypot(noise, floor.end_std_m(lasts, 1)))
             edges = _flight_edges(motion, int(inside[first]), int(inside[last]), noise, level)
             if edges is not None and _is_flight(edges, releases, onsets, 1.0 / motion.sample_rate_hz):
                 disturbed = disturbed or not _is_straight(motion, edges, bent)
-                edges = _as_it_grazes(edges, (releases[0] if releases else edges[0]).time_s - touch.time_s)
+                edges = _with_grazing_uncertainty(edges, (releases[0] if releases else edges[0]).time_s - touch.time_s)
                 releases.append(edges[0])
                 onsets.append(edges[1])
     return Bounces(tuple(onsets), tuple(releases), _peaks(motion, onsets, releases, end, noise), disturbed)
@@ -147,7 +147,7 @@ def _flight_edges(motion: Motion, first: int, last: int, noise_m: float, level_m
     parabola at once.  ``level_m`` is the std by noise and floor of a flight's end off its straight line.
     """
     trim = round(LINE_TRIM * (last - first))
-    curved = level_m > BENDS * noise_m
+    curved = level_m > CURVED_RATIO * noise_m
     if last - first - 2 * trim >= LONG_FLIGHT:
         line = fit_flight(motion, first + trim, last - trim, nearest=(first + last) // 2, curved=curved)
         if line is None:
@@ -169,17 +169,17 @@ def _flight_edges(motion: Motion, first: int, last: int, noise_m: float, level_m
     return edges_of_short_flight(time, x, std_m, release_range, onset_range, bend=bend)
 
 
-def _as_it_grazes(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edge, Edge]:
+def _with_grazing_uncertainty(edges: tuple[Edge, Edge], first_contact_s: float) -> tuple[Edge, Edge]:
     """Return the edges of a flight, with a larger uncertainty if it may be a contact that never ended.
 
     The force of a contact grows quadratically about its minimum.  For a sixth of the first contact's duration it stays
     below FLIGHT_FRACTION, as in a flight.
     """
     release, onset = edges
-    if onset.time_s - release.time_s > GRAZES * first_contact_s:
+    if onset.time_s - release.time_s > GRAZING_DURATION * first_contact_s:
         return edges
-    unsure = GRAZING * first_contact_s
-    return release.less_sure(unsure), onset.less_sure(unsure)
+    unsure = GRAZING_STD * first_contact_s
+    return release.with_added_uncertainty(unsure), onset.with_added_uncertainty(unsure)
 
 
 def _peaks(

@@ -37,7 +37,7 @@ class Edge:
     time_s: float
     std_s: float
 
-    def less_sure(self, std_s: float) -> "Edge":
+    def with_added_uncertainty(self, std_s: float) -> "Edge":
         """Return the edge with a further, independent standard uncertainty."""
         return Edge(self.time_s, float(np.hypot(self.std_s, std_s)))
 
@@ -133,7 +133,7 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int) -> Edge
     further = FURTHER * most if sign > 0 else most  # before a release the force passes its peak within that range
     found = _edge_with_error(motion, window, departure, (std, further, 0.0), sign, bend, bending=True)
     found = found or _edge_with_error(motion, window, departure, (std, most, 0.0), sign, bend)
-    return None if found is None else found[0].less_sure(found[1])
+    return None if found is None else found[0].with_added_uncertainty(found[1])
 
 
 def _edge_with_error(

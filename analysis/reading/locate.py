@@ -152,7 +152,7 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:
     finished = turn.rises and out is not None
     release, std = last, 0.0
     if finished:
-        half, std = _fades(force[turn.at : last + 1] / peak, lost / peak, width)
+        half, std = _extrapolated_release(force[turn.at : last + 1] / peak, lost / peak, width)
         release = min(turn.at + round(half), x.size - 1)
     return CollisionSpan(
         first=_refined_touch(motion, first, width),
@@ -167,7 +167,7 @@ def _span(motion: Motion, x: Floats, turn: _Turn) -> CollisionSpan | None:
     )
 
 
-def _fades(force: Floats, lost: float, width: int) -> tuple[float, float]:
+def _extrapolated_release(force: Floats, lost: float, width: int) -> tuple[float, float]:
     """Return the number of samples after which a force (n,) has faded, and the uncertainty of this number.
 
     The force is in units of its peak, begins at the turn, is smoothed over ``width`` and ends where it falls to

@@ -31,9 +31,9 @@ RELEASE_CLEAR = 0.015  # least gap before the line of an outgoing flight, as a f
 SWAY_SHARE = 0.025  # fraction of the contact time, beyond the line, over which the floor's motion is unknown
 FADED_SIGMAS = 3.0  # agreement required between the releases read from displacement and from force
 EDGE_REACH = 0.4  # fraction of the contact time, from its edge, in which the force is fitted at most
-SWAYS_M = 1e-9  # rms of floor motion above which it hides the end of a contact and moves the plate
+FLOOR_SIGNIFICANT_M = 1e-9  # rms of floor motion above which it hides the end of a contact and moves the plate
 FLOOR_TIMES = 1.4  # ratio of a std to that of white noise alone at which half of the variance is the floor's
-MATTERS = 4e-6  # fraction of a velocity above which vibration matters; a quiet laboratory's table is below it
+VIBRATION_TOLERANCE = 4e-6  # fraction of a velocity above which vibration matters; a quiet table is below it
 AGREEMENT_SIGMAS = 3.0  # quasi-static COR and impulse ratio must agree within this
 
 
@@ -68,7 +68,7 @@ def _read(motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None
     v_in = _velocity(flight_in, touch, "before the touch")
     if v_in.value >= 0.0:
         raise NoImpact("the block does not move towards the plate before the contact")
-    if release is not None and flights.floor.rms_m > max(SWAYS_M, flights.floor.white_std_m):
+    if release is not None and flights.floor.rms_m > max(FLOOR_SIGNIFICANT_M, flights.floor.white_std_m):
         release = _with_floor_uncertainty(release, span, flights, v_in.value, motion)
     if flight_out is None or release is None:
         return _unfinished(touch, v_in, "no_release", "the record ends within the contact")
@@ -116,7 +116,7 @@ def _read(motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None
     return replace(impact, flags=tuple(flags), disturbance=_disturbance(flights, motion, impact))
 
 
-def shaking_in(motion: Motion) -> Shaking | None:
+def read_frame_motion(motion: Motion) -> Shaking | None:
     """Return the frame's vibration read from a motion; None if it is negligible or cannot be read."""
     try:
         found = _between_flights(motion)
@@ -144,7 +144,7 @@ def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
     touch = touch or _threshold_edge(motion, span.first)
     if not span.finished:
         return touch, None
-    faded = _faded(motion, span)
+    faded = _force_release(motion, span)
     flight = (min(span.last + 1, span.flight_last), span.flight_last)
     guard = max(guard, 2.0 * faded.std_s, RELEASE_CLEAR * lasts)
     near = min(span.last, span.flight_last)
@@ -153,10 +153,10 @@ def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
         return touch, faded
     apart = abs(seen.time_s - faded.time_s)
     # floor motion departs from the flight's line without a force; an adhesion holds the block with little force
-    return touch, seen if apart < FADED_SIGMAS * faded.std_s else faded.less_sure(0.5 * apart)
+    return touch, seen if apart < FADED_SIGMAS * faded.std_s else faded.with_added_uncertainty(0.5 * apart)
 
 
-def _faded(motion: Motion, span: CollisionSpan) -> Edge:
+def _force_release(motion: Motion, span: CollisionSpan) -> Edge:
     """Return the release read from the force."""
     return Edge(float(motion.time_s[span.last]), span.last_std_s)
 
@@ -191,7 +191,7 @@ def _flags(span: CollisionSpan, flights: Flights, motion: Motion) -> list[str]:
         flags.append("goes_on")
     if _vibration_matters(flights):
         flags.append("vibration")
-    if flights.knocks_s or flights.knocks_kept:
+    if flights.knocks_s or flights.unremovable_knock:
         flags.append("knock")
     return flags
 
@@ -202,7 +202,7 @@ def _vibration_matters(flights: Flights) -> bool:
         if flight is None:
             continue
         value, std = flight.velocity(flight.time_zero_s)
-        least = MATTERS * abs(value)
+        least = VIBRATION_TOLERANCE * abs(value)
         if any(2 * np.pi * line.frequency_hz.value * line.amplitude_m.value > least for line in flights.lines):
             return True
         if std > max(least, FLOOR_TIMES * plain):
@@ -221,7 +221,7 @@ def _with_floor_uncertainty(
     lasts = max(float(motion.time_s[span.last] - motion.time_s[span.first]), 1.0 / motion.sample_rate_hz)
     omega = np.pi / lasts
     lost = float(np.cbrt(6.0 * flights.floor.difference_std_m(SWAY_SHARE * lasts, 3) / (abs(velocity_in) * omega**2)))
-    return _faded(motion, span) if 0.5 * lost > span.last_std_s else release.less_sure(0.5 * lost)
+    return _force_release(motion, span) if 0.5 * lost > span.last_std_s else release.with_added_uncertainty(0.5 * lost)
 
 
 def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbance:
@@ -238,7 +238,7 @@ def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbanc
 
 def _frame_moves(flights: Flights) -> bool:
     """Return whether the frame's motion is so large that a fit has to include it."""
-    return bool(flights.lines) or flights.floor.rms_m > SWAYS_M
+    return bool(flights.lines) or flights.floor.rms_m > FLOOR_SIGNIFICANT_M
 
 
 def _shares(flights: Flights, impact: Impact) -> Mapping[str, float]:

@@ -40,7 +40,7 @@ def _reversed(displacement_m: Floats, noise_m: float) -> bool:
     return bool(inside and far)
 
 
-def why_reversed(motion: Motion) -> str | None:
+def describe_reversal(motion: Motion) -> str | None:
     """Return in words whether time or direction is reversed in a motion from the optics; None if neither is.
 
     A plate returns less energy than it absorbs, so the slower of the two flights is the later one.
@@ -60,7 +60,7 @@ def why_reversed(motion: Motion) -> str | None:
     return f"the block goes away first and comes back: the sense is reversed ({rule})"
 
 
-def where_it_went(motion: Motion) -> str:
+def describe_motion(motion: Motion) -> str:
     """Return in words the block's motion in a record without a collision, and what to change; "" if unclear."""
     known = motion.displacement_m[np.isfinite(motion.displacement_m)]
     if motion.wavelength_m is None or known.size < _BLOCKS:

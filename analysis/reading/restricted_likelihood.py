@@ -21,7 +21,7 @@ from analysis.shot import Floats
 _ITERATIONS, _MOST = 20, 3.0  # most steps; largest step of a logarithm
 _ENOUGH, _LEAST = 5e-3, 1e-3  # first-order gain and actual gain of ln L by a step, below which the search ends
 _TRIES, _SHORTER = 5, 0.3  # trials of one step, and the length of each relative to the one before
-_AS_PROMISED = 0.15  # allowed deviation of actual over first-order gain from 1/2, its value for a correct curvature
+_GAIN_TOLERANCE = 0.15  # allowed deviation of actual over first-order gain from 1/2, its value for a correct curvature
 _LEAST_LEVEL = 1e-3  # least eigenvalue of a curvature: priors make it larger unless rounding interferes
 
 
@@ -204,7 +204,7 @@ class RestrictedLikelihood:
             gained, here = there.value - here.value, there
             if gained < _LEAST:
                 break
-            if abs(gained / promise - 0.5) > _AS_PROMISED:  # the curvature is no longer valid
+            if abs(gained / promise - 0.5) > _GAIN_TOLERANCE:  # the curvature is no longer valid
                 curve.value = self.curvature(here)
         return here
 

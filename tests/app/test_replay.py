@@ -264,7 +264,7 @@ def test_a_prediction_that_does_not_end_is_given_up_and_costs_no_output(
         while not ended.is_set():
             pass
 
-    monkeypatch.setattr("analysis.diagnosis.foretell", endless)
+    monkeypatch.setattr("analysis.diagnosis.evaluate_predictions", endless)
     monkeypatch.setattr("app.session.shot_work.SECONDS", 0.1)
     (tmp_path / "m.toml").write_text(BAD_MODEL.format(stiffness="221.4"))
     command = ["--replay", str(_meta(good)), "--no-diagnose", "--model", str(tmp_path / "m.toml"), "--foretell"]

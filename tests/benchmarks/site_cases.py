@@ -12,7 +12,7 @@ from analysis.inference.fit.base import base_named
 from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.site import Site
-from analysis.inference.noise.sway import Sway, swayed
+from analysis.inference.noise.sway import Sway, frame_response_of
 from analysis.shot.impact import Shaking
 from analysis.shot.motion import Motion
 from instrument.bench.effects import CATALOGUE, scaled
@@ -128,7 +128,7 @@ def _sway(truth: Truth, index: int, shot: Samples) -> Sway:
     base = base_named("paper")
     shared = np.array([getattr(truth.bodies, name) for name in base.names])
     own = np.array([-truth.speeds_m_per_s[index], truth.take(index).before_touch_s, 0.0])
-    return swayed(shot, site, base, shared, own)
+    return frame_response_of(shot, site, base, shared, own)
 
 
 def judge(case: Case, diagnose: Callable[[Sequence[Motion]], Any]) -> Outcome:

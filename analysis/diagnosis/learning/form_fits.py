@@ -49,7 +49,7 @@ def fit_forms(
     def ended(here: Fitted, best: float = math.inf) -> Fitted:
         with contextlib.suppress(Infeasible, np.linalg.LinAlgError):
             for _ in range(_STAGES):
-                before, here = here.bic, here.fitted_on(evaluations=_A_STAGE, cancelled=stop)
+                before, here = here.bic, here.refitted(evaluations=_A_STAGE, cancelled=stop)
                 gained = before - here.bic
                 too_slow = here.bic - _MORE * gained > best + CRITERIA.form_excluded
                 if here.converged or gained < _LITTLE or too_slow:

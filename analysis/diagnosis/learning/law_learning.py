@@ -26,7 +26,7 @@ from analysis.diagnosis.result import LearnedLaw
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference import Fitted, on_frame_anew
+from analysis.inference import Fitted, with_frame_relinearised
 from analysis.shot import Cancelled, Progress, Stop
 
 FIRST_PIECES, MOST_PIECES = 12, 96
@@ -225,4 +225,4 @@ def _refined(
 
 def _converged(one: FormFit, stop: Stop) -> FormFit:
     """Continue a fit to convergence, with the response to frame motion recomputed given the law."""
-    return replace(one, fitted=on_frame_anew(one.fitted.continued(stop), stop))
+    return replace(one, fitted=with_frame_relinearised(one.fitted.continued(stop), stop))

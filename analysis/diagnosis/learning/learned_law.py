@@ -107,7 +107,7 @@ def in_joint_fit(law: LearnedLaw, beside: Fitted, named: bool) -> LearnedLaw:
 
 def _parameters(law: OwnLaw, fitted: Fitted) -> dict[str, tuple[Quantity, str]]:
     values = fitted.point.values[0][law]
-    std = fitted.under_likely_noises().std
+    std = fitted.with_marginal_covariance().std
     places = {
         free.name: fitted.problem.offset + k
         for k, (effect, free, _) in enumerate(fitted.problem.free_parameters)

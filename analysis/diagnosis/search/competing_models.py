@@ -62,7 +62,7 @@ def with_look_alikes_tried(
                 likeliest = one
     if likeliest is best or not predicts(likeliest):
         return best, linearised, separations
-    likeliest = likeliest.fitted_on(evaluations=60, cancelled=trail.stop)
+    likeliest = likeliest.refitted(evaluations=60, cancelled=trail.stop)
     trail.keep(likeliest)
     linearised = trail.linearised(likeliest)
     return likeliest, linearised, separations_of(likeliest, linearised, trail)

@@ -236,10 +236,10 @@ def converge(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitte
     moving frame the noise of the flights may do so too.  That happens where the first effect explains what the start
     had left to the noise, hardly ever later, and never where noise that was not learnt explains the residual.
     """
-    better = fitted.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
+    better = fitted.refitted(evaluations=60, anew=True, cancelled=trail.stop)
     if from_white and better.bic < trail.start.bic - CLOSE and _may_hide_something(better):
         white = better.from_white(evaluations=60, cancelled=trail.stop)
-        white = white.fitted_on(evaluations=60, anew=True, cancelled=trail.stop)
+        white = white.refitted(evaluations=60, anew=True, cancelled=trail.stop)
         better = min(better, white, key=lambda one: one.bic)
     if better.log_likelihood < fitted.log_likelihood - (0.5 if better.converged else 0.0):
         return fitted
@@ -291,7 +291,7 @@ def add_best_effect(
         trial = quick[place]
         near = trial.bic < quick[0].bic + WORTH_FINISHING and place < REFITTED
         if near or place < 1 or (strong and place < 2):
-            return trial.fitted_on(evaluations=16, cancelled=trail.stop)
+            return trial.refitted(evaluations=16, cancelled=trail.stop)
         return trial
 
     best: Fitted | None = None

@@ -19,9 +19,9 @@ from analysis.inference import (
     Samples,
     TrialEffect,
     averaged_shots,
-    on_frame_anew,
     on_site,
     refit,
+    with_frame_relinearised,
     with_plates,
 )
 from analysis.shot import Motion, Stop
@@ -52,7 +52,7 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
 
 def with_frame_response_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Recompute the response to frame motion along the fitted motion; return the best fit and its trail."""
-    here = best if best is trail.start else on_frame_anew(best, trail.stop)
+    here = best if best is trail.start else with_frame_relinearised(best, trail.stop)
     return (best, trail) if here is best else _anew(here, trail)
 
 
@@ -77,7 +77,7 @@ def _promises(ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail:
     for shot, coarse, left_m in zip(fine, here.shots, best.residual_m, strict=True):
         moved_m = left_m - coarse.without_frame_motion(best.noise, left_m)
         if coarse.sway is not None and any(coarse.plate):
-            moved_m = moved_m - coarse.sway.of_plate_m(coarse.plate)
+            moved_m = moved_m - coarse.sway.plate_displacement_m(coarse.plate)
         at_valid = np.interp(shot.centre_s, coarse.centre_s[coarse.valid], moved_m[coarse.valid])
         still.append(replace(shot, displacement_m=shot.displacement_m - at_valid))
     at = _beside(best, replace(here, shots=tuple(still), site=None))

@@ -113,7 +113,7 @@ def _fitted_from(
     short = side_by_side(lambda start: refit(at, kind, start, trail.stop, least_bic=like.bic), starts)
     promising = [one for one in short if one is not None and one.bic < like.bic + WORTH_FINISHING]
     promising.sort(key=lambda one: one.bic)
-    return side_by_side(lambda one: one.fitted_on(evaluations=_EVALUATIONS, cancelled=trail.stop), promising[:_MOST])
+    return side_by_side(lambda one: one.refitted(evaluations=_EVALUATIONS, cancelled=trail.stop), promising[:_MOST])
 
 
 def _nearly(fitted: Fitted, found: Sequence[Fitted], effect: Effect) -> list[Fitted]:

@@ -28,10 +28,10 @@ from analysis.inference import (
     TrialEffect,
     base_fit,
     joint_data,
-    on_frame_anew,
-    own_flights,
+    per_shot_nuisances,
     resembles_frame_motion,
     white_floor,
+    with_frame_relinearised,
 )
 from analysis.shot import Progress, Stop
 
@@ -97,7 +97,7 @@ class Search:
         def along_with(along: Sequence[Effect]) -> tuple[Fitted, Trail]:
             base = base_fit(data, self.given, self.stop, along)
             start = accept(base, self.catalogue, self.accepted, self.stop)
-            start = on_frame_anew(start, self.stop) if self.accepted else start
+            start = with_frame_relinearised(start, self.stop) if self.accepted else start
             self.tell("scoring the catalogue", 0.15)
             if site is None:
                 return search_from_base(start, self.given, catalogue, self.stop, most=most, limit=self.limit, beat=beat)
@@ -111,7 +111,7 @@ class Search:
             best = add_effects(first, trail, more) if trail.added(first) else first
             return (best, trail) if best is first else with_frame_response_updated(best, trail)
 
-        along = own_flights(data.shots, CRITERIA.own_flights)
+        along = per_shot_nuisances(data.shots, CRITERIA.own_flights)
         best, trail = along_with(along)
         if along:  # accelerations fitted per shot may absorb one law common to all shots
             plain, plain_trail = along_with(())

@@ -62,7 +62,7 @@ def _from_the_guess(
     for softer in _SOFTENED:
         contact = guess.copy()
         contact[problem.data.base.contact_at] *= softer
-        point = problem.slow_enough(Point(contact, own, before.point.values))
+        point = problem.with_softened_contact(Point(contact, own, before.point.values))
         try:
             there = problem.fit_once(problem.pack(point), evaluations=1, cancelled=stop)
         except Infeasible:

@@ -152,7 +152,7 @@ def settle(
     of both fits is returned.  ``residual`` is that of ``best``, where it is known.
     """
     settled = _settled(best, trail, held_out, progress, residual)
-    wanders = settled.best.wanders_in_contact_alone
+    wanders = settled.best.wanders_only_in_contact
     if not settled.residual.significant and not wanders:
         return settled
     firsts = RESTARTS_IN_WANDERING_NOISE if wanders else RESTARTS

@@ -64,7 +64,7 @@ def curve_to_first_order(at: Linearised, score: Score) -> tuple[Floats, ...] | N
     ``at`` is the linearised fit before.  The candidate has the strength of a linear step; the parameters of that fit
     move, also to first order, to their best values given the candidate.
     """
-    columns = at.added_by(score.kind, score.start)
+    columns = at.contribution_of(score.kind, score.start)
     if columns is None:
         return None
     left = at.whole - at.problem.whitened([column[:, None] for column in columns])[:, 0]

@@ -23,7 +23,7 @@ _ROUNDS = 300  # of expectation maximisation; microseconds each
 class PerShotCost:
     """The cost, in ``nats`` of ln L, of per-shot parameters that no model predicts.
 
-    ``prior_width`` is the prior's width for each parameter of one shot, in the shot's order and the vector's units.
+    ``prior_width`` is the width of the prior of each parameter of one shot, in the shot's order and the vector's units.
     """
 
     nats: float

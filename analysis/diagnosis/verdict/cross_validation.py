@@ -134,14 +134,14 @@ def _trained(fitted: Fitted, held: int, others: Problem, begin: Floats, stop: St
 
     They are kept with the fit, as the shot may be predicted again under other noises.
     """
-    learnt = fitted.trained.get(held)
+    learnt = fitted.held_out_cache.get(held)
     if learnt is None:
         found = others.search(begin, evaluations=_TRAINED, cancelled=stop)
         seen = np.ones(others.size, dtype=np.bool_)
         seen[others.unseen] = False
         learnt = found.parameters, found.square.covariance(seen)
         if not stop():  # an interrupted fit is not kept
-            fitted.trained[held] = learnt
+            fitted.held_out_cache[held] = learnt
     return learnt
 
 
@@ -154,7 +154,7 @@ def _of(fitted: Fitted, shots: list[int]) -> tuple[Problem, Floats, list[int]]:
     data = replace(
         whole.data,
         shots=tuple(whole.data.shots[i] for i in shots),
-        like_kg=whole.coordinates.block_mass_kg,
+        reference_mass_kg=whole.coordinates.block_mass_kg,
     )
     some = replace(whole, data=data)
     own = [place for place, (_, shot) in enumerate(some.names) if shot >= 0]

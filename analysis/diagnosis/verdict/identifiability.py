@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.collision import Effect
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference import Fitted, Linearised, Point, TrialEffect, to_actual
+from analysis.inference import Fitted, Linearised, Point, TrialEffect, to_physical
 from analysis.shot import Stop
 
 
@@ -41,7 +41,7 @@ def isolated_effect(fitted: Fitted, at: Linearised, effect: Effect) -> Linearise
     shots = problem.data.shots
     effective = fitted.effective
     nothing = tuple({**v, effect: _nothing(kind, v[effect])} for v in effective.values)
-    without = to_actual(Point(effective.base, effective.own, nothing))
+    without = to_physical(Point(effective.base, effective.own, nothing))
     rows = [(problem.coarse(i, point) - problem.coarse(i, without))[:, None] for i in range(len(shots))]
     done = at.problem.whitened(rows)[:, 0]
     return replace(at, basis=basis, left=basis.projected(done))

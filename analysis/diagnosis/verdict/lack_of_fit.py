@@ -112,7 +112,7 @@ def largest_misfit(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: 
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
         # Wandering noise is learnt from the same data, anew given every shape.  If the noise no longer wanders given a
         # shape, it was that shape, and the white-noise limit applies; likewise if the flights show no wander.
-        wanders = floor.coloured and not fitted.wanders_in_contact_alone
+        wanders = floor.coloured and not fitted.wanders_only_in_contact
         factor = slow * (CRITERIA.wandering_gain if wanders else 1.0)
         if width:
             found.append(

@@ -46,7 +46,7 @@ def _with_one_more(here: Fitted, kind: TrialEffect, stop: Stop) -> Fitted:
     if not trials:
         raise Infeasible(f"no start of {kind.effect.name} gives a trajectory")
     trials.sort(key=lambda trial: trial.bic)
-    return trials[0].fitted_on(evaluations=_ENDING, cancelled=stop)
+    return trials[0].refitted(evaluations=_ENDING, cancelled=stop)
 
 
 def _from_natural_size(here: Fitted, kind: TrialEffect, start: Mapping[str, float], stop: Stop) -> Fitted | None:
@@ -75,15 +75,15 @@ def refit(
     if stop():
         raise Cancelled
 
-    def hopeless(z: Floats, square: Square) -> bool:
+    def stop_early(z: Floats, square: Square) -> bool:
         return problem.fitted(Minimum(z, square, False)).bic > least_bic + _FAR_BEHIND
 
-    behind = hopeless if math.isfinite(least_bic) else None
+    behind = stop_early if math.isfinite(least_bic) else None
     for share in _START_SHARES:  # a full linear step may have no trajectory
         weaker = [kind.times(given, share) for given in start]
         try:
             z = _compensated(at, problem, _vector_with(problem, at.effective, kind, weaker))
-            return problem.fit_once(z, evaluations=_COMPARING, tolerance=COMPARABLE, hopeless=behind, cancelled=stop)
+            return problem.fit_once(z, evaluations=_COMPARING, tolerance=COMPARABLE, stop_early=behind, cancelled=stop)
         except _NO_FIT:
             continue
     return None

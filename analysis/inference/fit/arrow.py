@@ -82,7 +82,7 @@ class Arrow:
             out[np.ix_(at, at)] += block.T @ block
         return out
 
-    def span(self) -> "Span":
+    def span(self) -> "OrthonormalBasis":
         """Return an orthonormal basis of the columns; cost: 4 n (s + q)^2 multiply-adds per shot."""
         norm = np.sqrt(sum((np.sum(block[:, : self.shared] ** 2, axis=0) for block in self.blocks), np.zeros(1)))
         norm = np.where(norm > 0, norm, 1.0)
@@ -90,7 +90,7 @@ class Arrow:
         beside = [
             _projected_off(basis, block[:, : self.shared] / norm) for basis, block in zip(own, self.blocks, strict=True)
         ]
-        return Span(own, tuple(self.parts(_independent(np.concatenate(beside)))))
+        return OrthonormalBasis(own, tuple(self.parts(_independent(np.concatenate(beside)))))
 
     def solve(self, rows: Floats) -> Floats:
         """Return the least-squares solution for ``rows``, shape (size,); the shortest if it is not unique."""
@@ -110,7 +110,7 @@ class Arrow:
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class OrthonormalBasis:
     """An orthonormal basis: per shot the ``own`` vectors, shape (n, k), and its rows of the ``shared`` ones, (n, s)."""
 
     own: tuple[Floats, ...]

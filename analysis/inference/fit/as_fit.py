@@ -138,7 +138,7 @@ def _shot_fit(
         residual_m=np.where(shot.used, motion.displacement_m - response.displacement_m, np.nan),
         reduced_chi2=float(whitened @ whitened) / max(1, whitened.size - places.size),
         own_parameters=own,
-        rings=_has_loud_moment(whitened),
+        rings=_has_transient_excess(whitened),
         sway_std_m=_sway_left_std_m(shot, noise, derivatives) if shot.sway is not None else None,
         plate_number=shot.plate_number,
     )
@@ -203,7 +203,7 @@ def _sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats
     return np.asarray(np.interp(shot.time_s, shot.centre_s[rows[some]], np.sqrt(np.maximum(left_m2, 0.0))))
 
 
-def _has_loud_moment(whitened: Floats) -> bool:
+def _has_transient_excess(whitened: Floats) -> bool:
     """Return whether a whitened residual, shape (n,), exceeds the noise only for a moment, as when a plate rings."""
     count = whitened.size // _WINDOW
     if count < 2:

@@ -25,7 +25,7 @@ BODY_NAMES = PLATE_NAMES[:2]  # parameters that each plate has separately
 CONTACT_NAMES = PLATE_NAMES[2:]
 OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
 Plates = tuple[tuple[float, float], ...]
-TRUSTED = 1.5  # chi^2 per sample up to which likeliest plate states are used: above, they absorb missing effects
+PLATES_RELIABLE_CHI2 = 1.5  # chi^2 per sample above which the likeliest plate states absorb missing effects
 
 
 def named_on_plate(name: str, plate_number: int) -> str:

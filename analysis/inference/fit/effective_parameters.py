@@ -42,7 +42,7 @@ def to_effective(point: Point) -> Point:
     return clamp.put(point, own, point.base[0] / both, clamp.swing * math.sqrt(both))
 
 
-def to_actual(effective: Point) -> Point:
+def to_physical(effective: Point) -> Point:
     """Return the physical parameters of effective ones; Infeasible if the clamp takes nearly all the compliance."""
     own = effective.own - [[0.0, _delay(values), 0.0] for values in effective.values]
     clamp = _clamp(effective.values[0])
@@ -52,7 +52,9 @@ def to_actual(effective: Point) -> Point:
     return clamp.put(effective, own, effective.base[0] / left, clamp.swing * math.sqrt(left))
 
 
-def chained(effective: Point, seen: Floats, at: Mapping[tuple[Effect, str], int], touches: list[int]) -> Floats:
+def physical_derivatives(
+    effective: Point, seen: Floats, at: Mapping[tuple[Effect, str], int], touches: list[int]
+) -> Floats:
     """Return the derivatives of physical parameters, given those of the effective ones (``seen``).
 
     Both have shape (p, k), one row per parameter.  ``at`` holds the row of each (effect, parameter), ``touches`` the

@@ -14,9 +14,9 @@ from functools import cache
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
-from analysis.inference.fit.base import TRUSTED, Plates, SearchStart, base_of
+from analysis.inference.fit.base import PLATES_RELIABLE_CHI2, Plates, SearchStart, base_of
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.first_guesses import first_guesses, resembled
+from analysis.inference.fit.first_guesses import first_guesses, resembling_candidates
 from analysis.inference.fit.free_parameters import trials_of
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted, Problem
@@ -27,14 +27,14 @@ from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import on_site
 from analysis.shot import AnalysisError, Cancelled, Floats, Stop
 
-STRONG = 30.0  # chi^2 per sample above which missing effects may have biased base parameters strongly
+BIASED_CHI2 = 30.0  # chi^2 per sample above which missing effects may have biased base parameters strongly
 _EARLY = 0.3  # fraction of the contact time that contains the first bounces
 _EVALUATIONS, _ROUGHLY = 60, 30  # limits for a search, and for one that only provides a start for the next
 _TOLERANCE = 0.03  # of chi^2
 _FOLLOWED = 3  # number of first guesses from which a search starts
-_SAME_LEFT, _SAME_PLACE = 0.01, 0.03  # relative tolerances in chi^2 and each parameter of searches at one minimum
-_LOUDER = 100.0  # factor on the white noise in the first of two searches on a moving frame
-_ASTRAY = 1.0  # chi^2 per sample of that first search above which its minimum is false or an effect is missing
+_CHI2_TOLERANCE, _PARAMETER_TOLERANCE = 0.01, 0.03  # relative, between searches that end at one minimum
+_NOISE_ENLARGEMENT = 100.0  # factor on the white noise in the first of two searches on a moving frame
+_FALSE_MINIMUM_CHI2 = 1.0  # chi^2 per sample of that search above which it is in a false minimum or lacks an effect
 
 
 def first_fit(
@@ -62,21 +62,23 @@ def first_fit(
         guessed = cache(lambda: starts(first_guesses(base, shots, stop, site.shaking.rms_m)))  # not always needed
 
         def candidates() -> Iterator[SearchStart]:
-            yield from starts(resembled(base, shots, _FOLLOWED))
+            yield from starts(resembling_candidates(base, shots, _FOLLOWED))
             yield from guessed()[:_FOLLOWED]
 
         sure = False
-        for rough in _rough_ends(data, candidates(), noise, stop):
+        for rough in _noisy_search_ends(data, candidates(), noise, stop):
             with contextlib.suppress(Infeasible):
                 ends.append(_search_on_frame(data, rough, noise, stop))
-                sure = ends[-1].left < TRUSTED or any(_are_one(ends[-1], other) for other in ends[:-1])
+                sure = ends[-1].left < PLATES_RELIABLE_CHI2 or any(
+                    _same_minimum(ends[-1], other) for other in ends[:-1]
+                )
             if sure:
                 break
-        if not sure and (not ends or min(end.left for end in ends) > STRONG):
+        if not sure and (not ends or min(end.left for end in ends) > BIASED_CHI2):
             # a search from a poor guess may end without any collision, especially if an effect is missing
             still = _best_of_searches(JointData(shots, base), guessed(), noise, stop)
             ends.append(still)
-            for rough in _rough_ends(data, iter([still]), noise, stop):
+            for rough in _noisy_search_ends(data, iter([still]), noise, stop):
                 with contextlib.suppress(Infeasible):
                     ends.append(_search_on_frame(data, rough, noise, stop))
     except Infeasible as reason:
@@ -96,9 +98,9 @@ def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequenc
     along = trials_of(nuisances)
     values = tuple({kind.effect: kind.starts[0] for kind in along} for _ in data.shots)
     problem = Problem(data, along, data.white_noise)
-    z = problem.pack(problem.slow_enough(Point(begin.shared, begin.own, values)))
+    z = problem.pack(problem.with_softened_contact(Point(begin.shared, begin.own, values)))
     try:
-        return problem.with_first_noise(z).fit(z, anew=True, cancelled=stop)
+        return problem.with_start_noise(z).fit(z, anew=True, cancelled=stop)
     except Infeasible as why:
         raise AnalysisError(f"no motion of the base model comes near these shots: {why}") from why
 
@@ -107,26 +109,26 @@ def _best_of_searches(data: JointData, starts: Sequence[SearchStart], noise: Flo
     """Return the best end of searches from the starts or from a fit of the first bounces alone."""
     floor = noise.without_site
     best = _search_from(data, starts[0], floor, stop)
-    if best.left < STRONG:
+    if best.left < BIASED_CHI2:
         return best
     further = starts[1:_FOLLOWED]
     early = replace(data, shots=tuple(_first_bounces(shot) for shot in data.shots))
     with contextlib.suppress(Infeasible):
         there = _search_from(early, best, floor, stop, _ROUGHLY)
-        if there.left < STRONG:
+        if there.left < BIASED_CHI2:
             further = [replace(starts[0], shared=there.shared)]
     for start in further:
         with contextlib.suppress(Infeasible):
             best = min(best, _search_from(data, start, floor, stop), key=lambda end: end.left)
-            if best.left < STRONG:
+            if best.left < BIASED_CHI2:
                 break
     return best
 
 
-def _are_one(end: SearchStart, other: SearchStart) -> bool:
+def _same_minimum(end: SearchStart, other: SearchStart) -> bool:
     """Return whether two searches ended at the same minimum; a third guess would then probably end there too."""
-    apart = np.abs(end.shared - other.shared) > _SAME_PLACE * np.abs(other.shared)
-    return abs(end.left - other.left) < _SAME_LEFT * other.left and not np.any(apart)
+    apart = np.abs(end.shared - other.shared) > _PARAMETER_TOLERANCE * np.abs(other.shared)
+    return abs(end.left - other.left) < _CHI2_TOLERANCE * other.left and not np.any(apart)
 
 
 def _first_bounces(shot: Samples) -> Samples:
@@ -134,20 +136,22 @@ def _first_bounces(shot: Samples) -> Samples:
     return replace(shot, valid=shot.valid & (shot.centre_s < until_s))
 
 
-def _rough_ends(data: JointData, starts: Iterator[SearchStart], noise: Floor, stop: Stop) -> Iterator[SearchStart]:
+def _noisy_search_ends(
+    data: JointData, starts: Iterator[SearchStart], noise: Floor, stop: Stop
+) -> Iterator[SearchStart]:
     """Yield the ends of searches with enlarged white noise: good ends at once, poor ends last, the best of them first.
 
     Two poor ends at one minimum indicate a missing effect rather than a false minimum, so no further start is tried.
     """
     astray: list[SearchStart] = []
-    louder = replace(noise, white_m=_LOUDER * noise.white_m)
+    louder = replace(noise, white_m=_NOISE_ENLARGEMENT * noise.white_m)
     for start in starts:
         with contextlib.suppress(Infeasible):
             rough = _search_on_frame(data, start, louder, stop, _ROUGHLY)
-            if rough.left < _ASTRAY:
+            if rough.left < _FALSE_MINIMUM_CHI2:
                 yield rough
                 continue
-            found_before = any(_are_one(rough, other) for other in astray)
+            found_before = any(_same_minimum(rough, other) for other in astray)
             astray.append(rough)
             if found_before:
                 break
@@ -167,22 +171,22 @@ def _search_from(
 ) -> SearchStart:
     """Return the end of one search, with its chi^2 per sample; raises Infeasible if its start has no trajectory."""
     problem = Problem(data, (), floor)
-    z = problem.pack(problem.slow_enough(start.point))
+    z = problem.pack(problem.with_softened_contact(start.point))
     found = problem.search(z, evaluations=evaluations, tolerance=_TOLERANCE, cancelled=stop)
     if stop():
         raise Cancelled
     end = problem.unpack(found.parameters)
     left = found.square.chi2 / found.square.samples
-    plates = likely_plates(problem, found.parameters) if left < TRUSTED else ()
+    plates = likeliest_plates(problem, found.parameters) if left < PLATES_RELIABLE_CHI2 else ()
     return SearchStart(data.base, end.base, end.own, plates, left)
 
 
-def likely_plates(problem: Problem, z: Floats) -> Plates:
+def likeliest_plates(problem: Problem, z: Floats) -> Plates:
     """Return each plate's likeliest state (m, m/s) at first touch given the residual; empty without frame motion."""
     if not problem.noise.site:
         return ()
     plates = []
     for shot, rest in zip(problem.data.shots, problem.residual_m(z), strict=True):
         assert shot.sway is not None
-        plates.append(shot.sway.likely_plate(rest, problem.noise))
+        plates.append(shot.sway.likeliest_plate(rest, problem.noise))
     return tuple(plates)

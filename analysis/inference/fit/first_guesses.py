@@ -60,7 +60,7 @@ class _Patterns:
     moves: Floats
 
 
-def resembled(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
+def resembling_candidates(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
     """Return the shared parameters of up to ``most`` candidates that resemble the fastest shot's contact, best first.
 
     The candidates are not refined by a fit, since frame motion can bias a fit without it.  Empty with several plates.

@@ -14,7 +14,7 @@ from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import BELOW_HZ, Site, site_of
 from analysis.inference.noise.sway import on_site
-from analysis.reading import shaking_in
+from analysis.reading import read_frame_motion
 from analysis.shot import AnalysisError, Floats, Motion, Shaking
 from analysis.signal import LEAST_NOISE_M
 
@@ -26,14 +26,15 @@ _SAMPLES = 100  # fewest third differences for a noise estimate
 class JointData:
     """The shots that are fitted jointly, and the base model.
 
-    ``site`` is the frame's motion, or None.  ``like_kg`` is the block mass assumed in the search coordinates (None: the
-    first shot's).  With it, vectors for a subset of shots have the same coordinates as vectors for the whole set.
+    ``site`` is the frame's motion, or None.  ``reference_mass_kg`` is the block mass assumed in the search coordinates
+    (None: the first shot's).  With it, vectors for a subset of shots have the same coordinates as vectors for the whole
+    set.
     """
 
     shots: tuple[Samples, ...]
     base: Base
     site: Site | None = None
-    like_kg: float | None = None
+    reference_mass_kg: float | None = None
 
     @property
     def band_hz(self) -> tuple[float, float]:
@@ -68,21 +69,21 @@ class JointData:
         return white_floor(max(white_m, LEAST_NOISE_M), self.shots[0].spacing_s)
 
 
-def can_tell(motion: Motion) -> bool:
+def resolves_frame_motion(motion: Motion) -> bool:
     """Return whether a motion is sampled fast enough to separate frame motion from the optics' noise."""
     return motion.sample_rate_hz >= _FEWEST_A_TURN * BELOW_HZ
 
 
-def shakings_of(
+def frame_motions_of(
     motions: Sequence[Motion], model: str, known: Sequence[Shaking | None] | None
 ) -> tuple[Shaking | None, ...]:
     """Return each shot's frame motion, ``known`` or read from its flights; None for all unless it can be included.
 
     It is included in the "paper" model only, at a sufficient sample rate.  Cost of reading: about 0.1 s per shot.
     """
-    if model != "paper" or not all(can_tell(motion) for motion in motions):
+    if model != "paper" or not all(resolves_frame_motion(motion) for motion in motions):
         return (None,) * len(motions)
-    return tuple(known if known is not None else side_by_side(shaking_in, motions))
+    return tuple(known if known is not None else side_by_side(read_frame_motion, motions))
 
 
 def site_under(

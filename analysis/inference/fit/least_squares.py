@@ -64,11 +64,11 @@ class Minimum:
 
 Function = Callable[[Floats], Square]
 Residual = Callable[[Floats], Floats]
-Hopeless = Callable[[Floats, Square], bool]
+StopEarly = Callable[[Floats, Square], bool]
 _CORRECTIONS = 6  # maximum number of corrections of one step
 _NEAR_ENOUGH = 0.3  # fraction of the predicted fall of chi^2 whose absence is tolerated without further correction
 _STEEP = 1e-5  # relative damping: directions with less curvature are not corrected
-_LITTLE = 15.0  # predicted fall of chi^2 below which ``hopeless`` is called
+_LITTLE = 15.0  # predicted fall of chi^2 below which ``stop_early`` is called
 _ROUNDED = 1e-2  # predicted fall of chi^2 below which failing steps are due to rounding (noise of 1 pm)
 _CORNER = 1.0  # predicted fall of chi^2 below which a corner counts as converged, as at the end of a force's range
 _MOST_DAMPING = 1e12  # relative damping at which steps vanish
@@ -84,7 +84,7 @@ def minimise(
     evaluations: int = 60,
     tolerance: float = 1e-6,
     residual: Residual | None = None,
-    hopeless: Hopeless | None = None,
+    stop_early: StopEarly | None = None,
     cancelled: Stop | None = None,
 ) -> Minimum:
     """Minimise from ``start``, shape (p,), until the predicted further fall of chi^2 is below ``tolerance``.
@@ -93,7 +93,7 @@ def minimise(
     standard deviations.  ``residual`` computes whitened residuals cheaply, without derivatives.  If it is given and the
     squares carry their residual, a long step is corrected until the residual nearly equals its linear prediction,
     before derivatives are computed.  Steps in a curved valley may then be longer (a retraction; Absil, Mahony and
-    Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  ``hopeless`` is called once, when the predicted
+    Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  ``stop_early`` is called once, when the predicted
     fall is small; the search stops if it returns True.  ``function`` may raise Infeasible except at the start.
     """
     low, high = bounds or (np.full(start.size, -np.inf), np.full(start.size, np.inf))
@@ -108,10 +108,10 @@ def minimise(
         unit = max(1.0, square.chi2 / square.samples)
         if newton is not None and 0 <= promised < tolerance * unit and _within(here + newton, low, high):
             return Minimum(here, square, True, tuple(int(i) for i in np.flatnonzero(~free)))
-        if hopeless is not None and 0 <= promised < _LITTLE * unit:
-            if hopeless(here, square):
+        if stop_early is not None and 0 <= promised < _LITTLE * unit:
+            if stop_early(here, square):
                 break
-            hopeless = None
+            stop_early = None
         way = damping.way(square, here, free, (low, high))
         if way is None:
             return Minimum(here, square, 0 <= promised < _ROUNDED * unit)

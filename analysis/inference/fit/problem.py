@@ -9,31 +9,31 @@ from numpy.typing import NDArray
 
 from analysis.collision import Effect
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.least_squares import Hopeless, Minimum, minimise
-from analysis.inference.fit.weighted_model import AtVector, WeighedModel
+from analysis.inference.fit.least_squares import Minimum, StopEarly, minimise
+from analysis.inference.fit.weighted_model import ModelAtVector, WeightedModel
 from analysis.inference.noise import frame_strengths
 from analysis.inference.noise.floor import Floor, learn
-from analysis.inference.noise.frame_strengths import Likely, over_likely
+from analysis.inference.noise.frame_strengths import NoiseAndCovariance, marginal_covariance
 from analysis.inference.screen import screening
-from analysis.inference.screen.columns import added_by
+from analysis.inference.screen.columns import contribution_of
 from analysis.inference.screen.projector import Projector
 from analysis.inference.screen.screening import Score
 from analysis.shot import Floats, Stop
 
-_ROUNDS, _A_ROUND, _BRINGS = 8, 25, 0.05  # of ``continued``: rounds, evaluations per round, least gain of ln L
+_ROUNDS, _A_ROUND, _LEAST_GAIN = 8, 25, 0.05  # of ``continued``: rounds, evaluations per round, least gain of ln L
 _WANDERING_PARTS = 2  # maximum number of wandering parts of a noise
 _NEAR = 0.04  # expected fall of chi^2 of a converged fit: parameters are within a fifth of a std of the minimum
 COMPARABLE = 0.1  # expected fall of chi^2 at which a search ends before the noise is re-estimated or fits are compared
 
 
 @dataclass(frozen=True)
-class Problem(WeighedModel):
+class Problem(WeightedModel):
     """A base model with effects over some shots, weighted by a noise; methods fit it and predict from it.
 
     Vectors ``z`` have the layout of ``SearchVector``.
     """
 
-    def with_first_noise(self, z: Floats) -> "Problem":
+    def with_start_noise(self, z: Floats) -> "Problem":
         """Return the problem with the noise for the start of a search from ``z``; unchanged without frame motion.
 
         On a moving frame the noise is estimated from the residual, with the wandering shape of the flights' noise.
@@ -64,12 +64,12 @@ class Problem(WeighedModel):
         held: Sequence[int] = (),
         evaluations: int = 25,
         tolerance: float = 1e-2,
-        hopeless: Hopeless | None = None,
+        stop_early: StopEarly | None = None,
         cancelled: Stop | None = None,
     ) -> Minimum:
         """Minimise chi^2 from ``z`` until its expected further fall is below ``tolerance``; ``held`` are fixed.
 
-        It also ends if ``hopeless`` returns True (see ``minimise``).  Infeasible if the start has no trajectory.
+        It also ends if ``stop_early`` returns True (see ``minimise``).  Infeasible if the start has no trajectory.
         """
         return minimise(
             self.square,
@@ -78,7 +78,7 @@ class Problem(WeighedModel):
             evaluations=evaluations,
             tolerance=tolerance,
             residual=self.whitened_residual,
-            hopeless=hopeless,
+            stop_early=stop_early,
             cancelled=cancelled,
         )
 
@@ -109,12 +109,12 @@ class Problem(WeighedModel):
         *,
         evaluations: int = 25,
         tolerance: float = 1e-2,
-        hopeless: Hopeless | None = None,
+        stop_early: StopEarly | None = None,
         anew: bool = False,
         cancelled: Stop | None = None,
     ) -> "Fitted":
         """Search from ``z`` under the problem's noise, and estimate the noise from the final residual."""
-        found = self.search(z, evaluations=evaluations, tolerance=tolerance, hopeless=hopeless, cancelled=cancelled)
+        found = self.search(z, evaluations=evaluations, tolerance=tolerance, stop_early=stop_early, cancelled=cancelled)
         return self.fitted(found, anew=anew)
 
     def fitted(self, found: Minimum, *, anew: bool = False) -> "Fitted":
@@ -154,17 +154,17 @@ class Linearised(Projector):
         """
         return screening.all_scores(self, kinds, stop, to_join=to_join)
 
-    def added_by(self, kind: TrialEffect, starts: Sequence[Mapping[str, float]]) -> list[Floats] | None:
+    def contribution_of(self, kind: TrialEffect, starts: Sequence[Mapping[str, float]]) -> list[Floats] | None:
         """Return the displacement that an effect with these per-shot values adds; None if there is no trajectory."""
-        return added_by(self, kind, starts)
+        return contribution_of(self, kind, starts)
 
 
 @dataclass(frozen=True)
-class Fitted(AtVector):
+class Fitted(ModelAtVector):
     """A problem at its minimum ``z``, with the likeliest noise given the averaged residual ``residual_m`` of each shot.
 
     ``inverse``, shape (p, p), is (J^T J)^-1 in search coordinates, with derivatives J whitened as in the search.
-    ``trained`` caches, by the shot left out, the parameters estimated from the other shots and their covariance.
+    ``held_out_cache`` caches, by the shot left out, the parameters estimated from the other shots and their covariance.
     """
 
     problem: Problem
@@ -172,7 +172,7 @@ class Fitted(AtVector):
     residual_m: tuple[Floats, ...]
     inverse: Floats
     converged: bool
-    trained: dict[int, tuple[Floats, Floats | None]] = field(
+    held_out_cache: dict[int, tuple[Floats, Floats | None]] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -217,7 +217,7 @@ class Fitted(AtVector):
         return self.noise.still if self.problem.data.site is None else self.problem.data.noise_of_flights
 
     @property
-    def wanders_in_contact_alone(self) -> bool:
+    def wanders_only_in_contact(self) -> bool:
         """Get whether the noise estimated from whole shots wanders while that of their flights does not."""
         data = self.problem.data
         return data.site is None and bool(self.noise.wander) and not data.noise_of_flights.wander
@@ -226,12 +226,12 @@ class Fitted(AtVector):
         """Return the problem linearised at the minimum; ``near`` as in ``Problem.linearise``."""
         return self.problem.linearise(self.z, near)
 
-    def fitted_on(self, *, evaluations: int = 25, anew: bool = False, cancelled: Stop | None = None) -> "Fitted":
+    def refitted(self, *, evaluations: int = 25, anew: bool = False, cancelled: Stop | None = None) -> "Fitted":
         """Continue the fit from the minimum with ``Problem.fit``."""
         return self.problem.fit(self.z, evaluations=evaluations, anew=anew, cancelled=cancelled)
 
     def from_white(self, *, evaluations: int = 25, cancelled: Stop | None = None) -> "Fitted":
-        """Continue the fit as ``fitted_on``, starting under white noise alone."""
+        """Continue the fit as ``refitted``, starting under white noise alone."""
         white = self.problem.with_noise(self.noise.still)
         return white.fit(self.z, evaluations=evaluations, cancelled=cancelled)
 
@@ -247,21 +247,21 @@ class Fitted(AtVector):
                 break
             found = best.problem.search(best.z, evaluations=_A_ROUND, cancelled=cancelled)
             further = best.problem.fitted(found)
-            if further.log_likelihood < best.log_likelihood + _BRINGS and not further.converged:
+            if further.log_likelihood < best.log_likelihood + _LEAST_GAIN and not further.converged:
                 break
             best = further if further.log_likelihood >= best.log_likelihood else best
             if found.converged:
                 break
-        return best._without_wander(cancelled)
+        return best._or_white_noise(cancelled)
 
-    def _without_wander(self, cancelled: Stop | None) -> "Fitted":
+    def _or_white_noise(self, cancelled: Stop | None) -> "Fitted":
         """Return the likelier of this fit and one started under white noise: wander can absorb a missing effect."""
         if self.noise.site or max(self.noise.rms_m) < self.noise.white_m:
             return self
         still = self.from_white(evaluations=_A_ROUND, cancelled=cancelled)
         return still if still.log_likelihood > self.log_likelihood else self
 
-    def under_likely_noises(self) -> "Fitted":
+    def with_marginal_covariance(self) -> "Fitted":
         """Return a fit on a moving frame with its covariance averaged over all likely strengths of the frame's bands.
 
         At the likeliest strengths alone the covariance is a third too small, since slow bands have only a few periods
@@ -271,10 +271,10 @@ class Fitted(AtVector):
             return self
         free = np.ones(self.problem.size, dtype=np.bool_)
         free[self.problem.unseen] = False
-        likely = self.over_likely_strengths(free)
+        likely = self.marginalise_strengths(free)
         return self if likely is None else replace(self, inverse=likely.covariance)
 
-    def over_likely_strengths(self, free: NDArray[np.bool_]) -> Likely | None:
+    def marginalise_strengths(self, free: NDArray[np.bool_]) -> NoiseAndCovariance | None:
         """Return the likeliest noise and the parameter covariance over all likely strengths, zero where not ``free``.
 
         ``free`` has shape (p,).  None if the free parameters are not determined.
@@ -284,7 +284,7 @@ class Fitted(AtVector):
         tangents = problem.arrow([line for _, line in problem.derivatives(self.z)])
         tangents = tangents.without(np.flatnonzero(~free))
         try:
-            likely = over_likely(self.residual_m, tangents, data.shots, data.site, self.noise)
+            likely = marginal_covariance(self.residual_m, tangents, data.shots, data.site, self.noise)
         except np.linalg.LinAlgError:  # two parameters have the same effect
             return None
         return replace(likely, covariance=np.where(np.outer(free, free), likely.covariance, 0.0))

@@ -21,7 +21,7 @@ _NOTHING = 1.0  # change of the criterion below which an iteration is the last
 _SURE = 2  # iterations after which each must improve the criterion
 
 
-def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:
+def with_frame_relinearised(fitted: Fitted, stop: Stop) -> Fitted:
     """Return the fit, repeated until it agrees with its frame response; three shots: 0.05 s, 0.2 s per repetition."""
     here, site = fitted, fitted.problem.data.site
     if site is None:
@@ -35,7 +35,7 @@ def on_frame_anew(fitted: Fitted, stop: Stop) -> Fitted:
         except Infeasible:
             break
         pairs = zip(before, shots, strict=True)
-        off_m = max(old.sway.apart_m(new.sway, here.noise) for old, new in pairs if old.sway and new.sway)
+        off_m = max(old.sway.largest_difference_m(new.sway, here.noise) for old, new in pairs if old.sway and new.sway)
         if moved < _FAR and off_m < _MATTERS * here.noise.white_m:
             break
         there = replace(here.problem, data=replace(data, shots=shots)).fit(here.z, cancelled=stop)
@@ -53,7 +53,7 @@ def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
     plates, moved = [], 0.0
     for shot, left in zip(fitted.problem.data.shots, fitted.residual_m, strict=True):
         assert shot.sway is not None
-        plate = shot.sway.likely_plate(left, fitted.noise)
+        plate = shot.sway.likeliest_plate(left, fitted.noise)
         moved = max(moved, float(np.max(np.abs(np.subtract(plate, shot.plate) / shot.sway.plate_std))))
         plates.append(plate)
     return plates, moved

@@ -64,7 +64,7 @@ class Samples:
         swing.
         """
         left = self.displacement_m - displacement_m
-        return left if self.sway is None or not any(self.plate) else left + self.sway.of_plate_m(self.plate)
+        return left if self.sway is None or not any(self.plate) else left + self.sway.plate_displacement_m(self.plate)
 
     def averaged(self, columns: Floats) -> Floats:
         """Return ``columns``, shape (n,) or (n, k) on the motion's grid, averaged like the data."""

@@ -10,7 +10,7 @@ from analysis.collision import Effect, Parameter
 from analysis.inference.fit.arrow import Arrow, Places
 from analysis.inference.fit.base import OWN_NAMES
 from analysis.inference.fit.coordinates import Coordinates
-from analysis.inference.fit.effective_parameters import Point, Values, chained, to_actual, to_effective
+from analysis.inference.fit.effective_parameters import Point, Values, physical_derivatives, to_effective, to_physical
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.response import STRIDE, ShotModel
@@ -93,7 +93,7 @@ class SearchVector:
         """Get the map of base and per-shot parameters to search coordinates."""
         shots = self.data.shots
         return Coordinates(
-            block_mass_kg=self.data.like_kg or shots[0].moving_mass_kg,
+            block_mass_kg=self.data.reference_mass_kg or shots[0].moving_mass_kg,
             plate=not self.data.base.one_body,
             own_at=tuple(self.data.count + 3 * i for i in range(len(shots))),
             reference_s=tuple(shot.course.touch_time_s for shot in shots),
@@ -114,7 +114,7 @@ class SearchVector:
 
     def unpack(self, z: Floats) -> Point:
         """Return the physical parameters of a search vector; Infeasible if it is out of range."""
-        return to_actual(self._effective(z)[0])
+        return to_physical(self._effective(z)[0])
 
     def slope(self, z: Floats) -> Floats:
         """Return the derivatives of the physical parameters by the vector's entries, shape (size, size)."""
@@ -128,7 +128,7 @@ class SearchVector:
             if shot < 0
         }
         touches = [self.data.count + 3 * i + 1 for i in range(len(self.data.shots))]
-        return chained(effective, out, shared, touches)
+        return physical_derivatives(effective, out, shared, touches)
 
     def _effective(self, z: Floats) -> tuple[Point, Floats]:
         """Return a vector's effective parameters, and the derivatives of base and per-shot ones by it."""

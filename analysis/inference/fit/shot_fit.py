@@ -16,9 +16,9 @@ from analysis.inference.fit.added_effect import joined
 from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.base import Plates
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.first_fit import STRONG, first_fit, likely_plates
+from analysis.inference.fit.first_fit import BIASED_CHI2, first_fit, likeliest_plates
 from analysis.inference.fit.free_parameters import trial_effect, trials_of
-from analysis.inference.fit.joint_data import can_tell, joint_data, site_under, with_plates
+from analysis.inference.fit.joint_data import joint_data, resolves_frame_motion, site_under, with_plates
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import FINE_RATE_HZ, averaged_shots
@@ -64,10 +64,12 @@ def fit_shots(
     if len(findings(chosen)) > MOST_AT_ONCE or len(set(chosen)) != len(chosen):
         raise ValueError(f"effects must be at most {MOST_AT_ONCE} different ones")
     stop = cancelled or (lambda: False)
-    shaken = model == "paper" and _PLATE_MOTION not in chosen and all(can_tell(motion) for motion in motions)
+    shaken = (
+        model == "paper" and _PLATE_MOTION not in chosen and all(resolves_frame_motion(motion) for motion in motions)
+    )
     site = site_under(motions, shakings, 0.0) if shaken and any(shakings) else None
     best = _fit_on(site, motions, model, chosen, stop)
-    if site is not None and _POOR_FIT < best.reduced_chi2 < STRONG:
+    if site is not None and _POOR_FIT < best.reduced_chi2 < BIASED_CHI2:
         whole = _fit_on(site_under(motions, shakings, 0.0, whole=True), motions, model, chosen, stop)
         best = whole if whole.found.converged and whole.reduced_chi2 < best.reduced_chi2 else best
     return best.as_fit(motions, model, began, stop)
@@ -146,7 +148,7 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
     for turn in range(_TURNS):
         if turn:
             problem = _at_motion(problem, here, plates)
-        z = problem.pack(problem.slow_enough(here))
+        z = problem.pack(problem.with_softened_contact(here))
         found = _minimum_from(problem, z, stop)
         move = found.parameters - z
         if problem.data.site is None or float(move @ found.square.curvature @ move) < _SMALL_MOVE**2:
@@ -154,7 +156,7 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
             break
         undecided = move * math.sqrt(0.5)
         there = problem.unpack(found.parameters)
-        swung = likely_plates(problem, found.parameters)
+        swung = likeliest_plates(problem, found.parameters)
         # If a plate swings far, its contribution changes so much that full steps would alternate: go half-way.
         here, plates = _half_way((here, plates), (there, swung)) if turn else (there, swung)
     return problem, found, undecided
@@ -191,7 +193,7 @@ def _with_effects(
     problem, undecided = here.problem.with_noise(problem.noise), np.zeros(here.z.size)
     found = _minimum_from(problem, here.z, stop)
     if problem.data.site is not None:  # the missing effects had biased the plates' likeliest states
-        point, plates = problem.unpack(found.parameters), likely_plates(problem, found.parameters)
+        point, plates = problem.unpack(found.parameters), likeliest_plates(problem, found.parameters)
         problem, found, undecided = _settled(_at_motion(problem, point, plates), point, plates, stop)
     if not found.converged:
         found = _minimum_from(problem, found.parameters, stop, _TO_CONTINUE)
@@ -215,7 +217,7 @@ def _reweighed(problem: Problem, found: Minimum, stop: Stop) -> Fitted:
     if problem.data.site is None or not found.converged:
         return fitted
     for _ in range(_STRENGTH_TURNS):
-        likely = fitted.over_likely_strengths(free)
+        likely = fitted.marginalise_strengths(free)
         if likely is None:
             break
         weighed = problem.with_noise(likely.noise)

@@ -26,7 +26,7 @@ _SOFTER = 8  # maximum number of tenfold softenings of a contact too stiff for t
 
 
 @dataclass(frozen=True)
-class WeighedModel(SearchVector):
+class WeightedModel(SearchVector):
     """A base model with effects, evaluated for every shot at a vector of their parameters; ``noise`` weights residuals.
 
     ``Problem`` extends this class by fits; scores of further effects need this part only.
@@ -165,7 +165,7 @@ class WeighedModel(SearchVector):
         chi2, pull = float(left @ left), tangents.pull(left)
         return Square(chi2, tangents.gram(), pull, left.size, left, tangents.along, tangents.pull)
 
-    def slow_enough(self, point: Point) -> Point:
+    def with_softened_contact(self, point: Point) -> Point:
         """Return the point with a contact soft enough for the samples: a search cannot start from a rigid contact."""
         for _ in range(_SOFTER):
             if not self.shot_at(0, point).too_fast:
@@ -177,10 +177,10 @@ class WeighedModel(SearchVector):
 
 
 @dataclass(frozen=True)
-class AtVector:
+class ModelAtVector:
     """A weighted model at a vector ``z`` of its parameters."""
 
-    problem: WeighedModel
+    problem: WeightedModel
     z: Floats
 
     @property

@@ -79,15 +79,15 @@ def _with_outgoing(noise: Floor, incoming: list[Spectrum], outgoing: list[Spectr
     angle, power = (np.concatenate(part) for part in zip(*outgoing, strict=True))
     before = np.concatenate([angles for angles, _ in incoming])
     ratio, slow = power / _density(noise, angle), angle < _QUICK
-    if not _no_louder(ratio, ~slow, before >= _QUICK):
+    if not _power_not_above(ratio, ~slow, before >= _QUICK):
         return noise
-    if _no_louder(ratio, slow, before < _QUICK):
+    if _power_not_above(ratio, slow, before < _QUICK):
         return both
     wanders_there = noise.rms_m[0] == 0.0 and both.rms_m[0] > 0.0
     return both if wanders_there and float(np.max(power / _density(both, angle))) < _LINE else noise
 
 
-def _no_louder(ratio: Floats, part: Mask, of_noise: Mask) -> bool:
+def _power_not_above(ratio: Floats, part: Mask, of_noise: Mask) -> bool:
     """Return whether the power in ``part`` exceeds the noise by no more than three standard errors."""
     bins = int(part.sum())
     if bins == 0:

@@ -156,16 +156,16 @@ def learn(
 
 
 @dataclass(frozen=True, slots=True)
-class Likely:
+class NoiseAndCovariance:
     """The likeliest ``noise``, and the parameter covariance averaged over all likely strengths, shape (q, q)."""
 
     noise: Floor
     covariance: Floats
 
 
-def over_likely(
+def marginal_covariance(
     series: Sequence[Floats], tangents: Arrow, shots: Sequence[Samples], site: Site, start: Floor
-) -> Likely:
+) -> NoiseAndCovariance:
     """Return the strengths of greatest restricted likelihood, and the parameter covariance over all likely strengths.
 
     ``series`` are a fit's residuals; ``tangents`` are the derivatives of the displacement by its q parameters.  The
@@ -183,7 +183,7 @@ def over_likely(
     weights = np.array([0.0, *np.full(len(points), 1.0 / len(points))])
     covariance = mixture_covariance(weights, values, covariances, values[0])
     unseen, floor = tangents.size - values.shape[1], _LikeliestStrengths(shape, best.at, best.value).floor
-    return Likely(floor, np.pad(covariance, (0, unseen)))
+    return NoiseAndCovariance(floor, np.pad(covariance, (0, unseen)))
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:

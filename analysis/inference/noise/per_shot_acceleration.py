@@ -36,7 +36,7 @@ class _Flight:
     weight: float
 
 
-def own_flights(shots: Sequence[Samples], chance: float) -> tuple[Effect, ...]:
+def per_shot_nuisances(shots: Sequence[Samples], chance: float) -> tuple[Effect, ...]:
     """Return the nuisance effects fitted per shot: none, or an acceleration of each flight.
 
     The accelerations are needed if the laws common to all shots fit the flights with a probability below ``chance``.

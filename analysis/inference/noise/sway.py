@@ -118,20 +118,20 @@ class Sway:
         size = np.exp(0.5 * np.asarray(noise.site))[self.band]
         return np.asarray(self.basis @ (self.factors @ (size * numbers)))
 
-    def likely_plate(self, left_m: Floats, noise: Floor) -> tuple[float, float]:
+    def likeliest_plate(self, left_m: Floats, noise: Floor) -> tuple[float, float]:
         """Return the plate's likeliest state at first touch (m, m/s), given the residual with the plate at rest."""
         scaled = self.scaled(noise)
         numbers = scaled[:, _OF_PLATE].T @ self._pull(scaled, self._along(left_m, noise))
         x, v = numbers * np.exp(0.5 * noise.site[self.band[-1]]) * np.asarray(self.plate_std)
         return float(x), float(v)
 
-    def of_plate_m(self, plate: tuple[float, float]) -> Floats:
+    def plate_displacement_m(self, plate: tuple[float, float]) -> Floats:
         """Return the displacement in m caused by this plate state (m, m/s) at first touch, at all averaged samples."""
         out = np.zeros(self.valid.size)
         out[self.valid] = self._plate_columns @ np.divide(plate, self.plate_std)
         return out
 
-    def apart_m(self, other: "Sway", noise: Floor) -> float:
+    def largest_difference_m(self, other: "Sway", noise: Floor) -> float:
         """Return the largest std in m over the samples of the difference to another response to the same motion."""
         size = np.exp(0.5 * np.asarray(noise.site))[self.band]
         apart = (self.basis @ self.factors - other.basis @ other.factors) * size
@@ -193,7 +193,9 @@ def shape_of(noise: Floor) -> Floor:
     return Floor(1.0, (one, two), noise.tau_s, noise.spacing_s)
 
 
-def swayed(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, values: Values = _NO_EFFECTS) -> Sway:
+def frame_response_of(
+    shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, values: Values = _NO_EFFECTS
+) -> Sway:
     """Return the frame's covariance term of a shot, linearised about the motion at these parameters.
 
     ``values`` are the parameters of effects that act on the shot.  The plate starts in its known state, if there is
@@ -249,7 +251,7 @@ def on_site(shots: Sequence[Samples], site: Site | None, base: Base, at: Point) 
         return tuple(shots)
 
     def of_shot(index: int) -> Sway:
-        return swayed(shots[index], site, base, at.base, at.own[index], at.values[index])
+        return frame_response_of(shots[index], site, base, at.base, at.own[index], at.values[index])
 
     every = side_by_side(of_shot, range(len(shots)))
     return tuple(replace(shot, sway=sway) for shot, sway in zip(shots, every, strict=True))

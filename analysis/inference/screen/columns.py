@@ -12,9 +12,9 @@ import numpy as np
 
 from analysis.collision import Effect, Infeasible, LinearPath
 from analysis.compiled import side_by_side
-from analysis.inference.fit.effective_parameters import Point, to_actual
+from analysis.inference.fit.effective_parameters import Point, to_physical
 from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.weighted_model import WeighedModel
+from analysis.inference.fit.weighted_model import WeightedModel
 from analysis.inference.screen import first_order
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
@@ -150,12 +150,12 @@ def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProd
 def _moved(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
     """Return a fit's point with an effect added at one start per shot; None if Infeasible."""
     try:
-        return to_actual(at.effective.with_effect(kind.effect, starts))
+        return to_physical(at.effective.with_effect(kind.effect, starts))
     except Infeasible:
         return None
 
 
-def added_by(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
+def contribution_of(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
     """Return an effect's contribution to each shot's averaged samples, (n,) each; None if there is no trajectory."""
     point = _moved(at, kind, starts)
     if point is None:
@@ -179,7 +179,7 @@ def _by_trajectories(at: Projector, kind: TrialEffect, moved: Sequence[Point | N
     return out
 
 
-def _shown(model: WeighedModel, index: int, point: Point, finely: bool) -> Floats:
+def _shown(model: WeightedModel, index: int, point: Point, finely: bool) -> Floats:
     return model.averaged(index, point) if finely else model.coarse(index, point)
 
 

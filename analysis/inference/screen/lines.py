@@ -116,7 +116,7 @@ def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:
     return out.reshape(len(far) * _TURNED, 2 * count)[: time_s.size]
 
 
-def near_loud_lines(at: Projector, kind: TrialEffect, louder_than: float) -> list[Mapping[str, float]]:
+def starts_near_strong_lines(at: Projector, kind: TrialEffect, louder_than: float) -> list[Mapping[str, float]]:
     """Return start values of weakly damped lines at and near the frequencies with more gain than ``louder_than``.
 
     The width of these lines is one over the record's length; a grid with steps of a few per cent misses them at 1 kHz.

@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 
 from analysis.collision import fastest_rates
-from analysis.inference.fit.arrow import Arrow, Span
-from analysis.inference.fit.weighted_model import AtVector, Lines, WeighedModel
+from analysis.inference.fit.arrow import Arrow, OrthonormalBasis
+from analysis.inference.fit.weighted_model import Lines, ModelAtVector, WeightedModel
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
 
@@ -18,18 +18,18 @@ _NEARBY = 0.01  # tolerance for shared trajectories, in radians of the contact's
 
 
 @dataclass(frozen=True, slots=True)
-class Trajectories:
+class CachedColumns:
     """Cached columns of small effects along the trajectories of a model at ``z``; valid for nearly equal trajectories.
 
     ``lines`` are the displacement and derivatives at ``z``.
     """
 
-    problem: WeighedModel
+    problem: WeightedModel
     z: Floats
     lines: Lines
     known: dict[str, Any] = field(default_factory=dict)
 
-    def serve(self, problem: WeighedModel, z: Floats, lines: Lines) -> bool:
+    def serve(self, problem: WeightedModel, z: Floats, lines: Lines) -> bool:
         """Return whether a model of the same samples has nearly the same trajectories and base parameters at ``z``."""
         if self.problem is problem and self.z is z:
             return True
@@ -49,27 +49,27 @@ class Trajectories:
 
 
 @dataclass(frozen=True)
-class Projector(AtVector):
+class Projector(ModelAtVector):
     """Projects whitened rows of all shots, concatenated, off the tangents of the parameters at ``z``."""
 
-    basis: Span  # of the tangents
+    basis: OrthonormalBasis  # of the tangents
     left: Floats  # the whitened residual, projected
     tangents: Arrow  # the whitened derivatives by the parameters
     whole: Floats  # the whitened residual, not projected
     lines: Lines
-    trajectories: Trajectories  # with unwhitened columns of effects, shared with other projectors
+    trajectories: CachedColumns  # with unwhitened columns of effects, shared with other projectors
     done: dict[str, Any] = field(default_factory=dict)  # cached whitened columns of effects
     _doing: dict[str, Lock] = field(default_factory=dict)  # held while a value is computed
 
     @classmethod
-    def of(cls, problem: WeighedModel, z: Floats, near: "Projector | None" = None) -> Self:
+    def of(cls, problem: WeightedModel, z: Floats, near: "Projector | None" = None) -> Self:
         """Linearise ``problem`` at ``z``; results of a projector ``near`` it are reused as far as they are valid."""
         lines = near.lines if near and near.problem is problem and near.z is z else problem.derivatives(z)
         serve = near is not None and near.trajectories.serve(problem, z, lines)
-        return cls._with(problem, z, lines, near.trajectories if near and serve else Trajectories(problem, z, lines))
+        return cls._with(problem, z, lines, near.trajectories if near and serve else CachedColumns(problem, z, lines))
 
     @classmethod
-    def _with(cls, problem: WeighedModel, z: Floats, lines: Lines, trajectories: Trajectories) -> Self:
+    def _with(cls, problem: WeightedModel, z: Floats, lines: Lines, trajectories: CachedColumns) -> Self:
         whole, tangents = problem.whitened_lines(lines)
         basis = tangents.span()
         return cls(problem, z, basis, basis.projected(whole), tangents, whole, lines, trajectories)

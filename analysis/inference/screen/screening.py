@@ -17,7 +17,7 @@ from analysis.inference.screen.columns import (
     own_columns,
     products_along_paths,
 )
-from analysis.inference.screen.lines import near_loud_lines, scan
+from analysis.inference.screen.lines import scan, starts_near_strong_lines
 from analysis.inference.screen.projector import Projector
 from analysis.shot import Cancelled, Floats, Stop
 
@@ -87,7 +87,7 @@ def scores(
     if _looks_for_lines(kind):
         # An added effect must pay for its parameters: only lines with that gain are refined.
         cost = 0.0 if to_join is None else freedom * math.log(at.left.size) + to_join
-        lines = near_loud_lines(at, kind, louder_than=cost)
+        lines = starts_near_strong_lines(at, kind, louder_than=cost)
         out += more(lines) if lines else []
     if out and "frequency_hz" in out[0].start[0] and max(score.gain for score in out) > _WORTH_REFINING:
         out += more(_between(out, kind))

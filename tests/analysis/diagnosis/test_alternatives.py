@@ -78,7 +78,7 @@ def test_a_scored_effect_explains_what_the_fit_does_not_give_way_to() -> None:
     columns, residual = [random.standard_normal(20) for _ in range(2)], random.standard_normal(40)
     stacked = np.concatenate(tangents)
     at: Any = SimpleNamespace(
-        added_by=lambda kind, start: columns if kind == "kind" else None, whole=residual,
+        contribution_of=lambda kind, start: columns if kind == "kind" else None, whole=residual,
         problem=SimpleNamespace(whitened=lambda some: np.concatenate(list(some))),
         tangents=SimpleNamespace(
             solve=lambda left: np.linalg.lstsq(stacked, left, rcond=None)[0], places=[np.arange(3)] * 2

@@ -31,7 +31,7 @@ def test_what_rings_in_the_same_place_is_asked_however_far_apart_it_is_to_first_
     at = before.linearise()
     quick = refit(at, KINDS[first], at.scores(KINDS[first])[0].start, calm)
     assert quick is not None
-    wrong = quick.fitted_on(evaluations=60)
+    wrong = quick.refitted(evaluations=60)
     far = separation(wrong, wrong.linearise(), named(first), [KINDS[true]])
     assert far.from_other[named(true)] > 0.7 * far.snr  # a line so narrow that its twin beside it stands apart
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)

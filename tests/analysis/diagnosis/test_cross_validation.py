@@ -127,7 +127,7 @@ class OneOut:
             without_frame_motion=lambda floor, off: off + 1.0 if floor == "floor" else None,
         )  # fmt: skip
         data = SimpleNamespace(shots=["first", measured, "last"])
-        self.fitted: Any = SimpleNamespace(problem=SimpleNamespace(data=data), trained={})
+        self.fitted: Any = SimpleNamespace(problem=SimpleNamespace(data=data), held_out_cache={})
         self.cut_off, self.searches = False, 0
 
     def search(self, z: Any, *, evaluations: int, cancelled: Any) -> Any:
@@ -192,7 +192,7 @@ def test_what_the_other_shots_say_is_kept_unless_it_was_cut_off(monkeypatch: pyt
     out = OneOut(monkeypatch)
     out.cut_off = True
     first = out.told()
-    assert out.searches == 1 and not out.fitted.trained
+    assert out.searches == 1 and not out.fitted.held_out_cache
     out.cut_off = False
     for _ in range(2):
         again = out.told()
@@ -201,7 +201,7 @@ def test_what_the_other_shots_say_is_kept_unless_it_was_cut_off(monkeypatch: pyt
             and again.minus_2_ln_likelihood == first.minus_2_ln_likelihood
             and again.rms_m == first.rms_m
         )
-    assert list(out.fitted.trained) == [1]
+    assert list(out.fitted.held_out_cache) == [1]
 
 
 def test_a_shot_that_cannot_be_followed_is_not_predicted(monkeypatch: pytest.MonkeyPatch) -> None:

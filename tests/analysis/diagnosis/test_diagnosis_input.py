@@ -56,7 +56,7 @@ def test_the_shots_to_hold_out_are_chosen_or_given(monkeypatch: pytest.MonkeyPat
 
 
 def test_what_shook_the_rig_and_where_a_search_begins_are_read_from_the_shots(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "shakings_of", lambda *given: ("shakings", *given))
+    monkeypatch.setattr(module, "frame_motions_of", lambda *given: ("shakings", *given))
     monkeypatch.setattr(module, "site_under", lambda *given: ("site", *given))
     monkeypatch.setattr(module, "averaged_shots", lambda motions: f"averaged {motions}")
     monkeypatch.setattr(module, "first_fit", lambda *given: given)

@@ -24,7 +24,7 @@ class Fit:
     def __repr__(self) -> str:
         return f"Fit{self.effects}"
 
-    def under_likely_noises(self) -> Any:
+    def with_marginal_covariance(self) -> Any:
         return "likely", self
 
 

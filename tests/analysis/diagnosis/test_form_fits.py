@@ -27,7 +27,7 @@ class Short:
     ) -> None:
         self.bic, self.converged, self.breaks, self.gains = bic, converged, breaks, gains
 
-    def fitted_on(self, *, evaluations: int, cancelled: Any) -> Any:
+    def refitted(self, *, evaluations: int, cancelled: Any) -> Any:
         assert (evaluations, cancelled) == (10, calm)
         if self.breaks:
             raise Infeasible("nowhere")

@@ -105,7 +105,7 @@ def test_a_search_that_is_cut_off_must_not_have_lost_likelihood(gain: float, con
         )
 
     further = ended(100.0 + gain, converged=converged)
-    before = ended(100.0, converged=False, fitted_on=lambda **_: further)
+    before = ended(100.0, converged=False, refitted=lambda **_: further)
     assert converge(before, Trail(before, (), calm)) is (further if taken else before)
 
 

@@ -41,7 +41,7 @@ class _Data:
 
 def test_without_a_found_effect_the_sway_stays_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     """A plate that seems to have moved far then tells of an effect that is missing, and must not absorb it."""
-    monkeypatch.setattr(full_rate, "on_frame_anew", lambda *_: pytest.fail("nothing is fitted anew"))
+    monkeypatch.setattr(full_rate, "with_frame_relinearised", lambda *_: pytest.fail("nothing is fitted anew"))
     start: Any = Some()
     trail: Any = Some(start=start, stop=calm)
     assert full_rate.with_frame_response_updated(start, trail) == (start, trail)
@@ -185,7 +185,7 @@ def test_a_ripple_promises_to_pay_with_all_that_is_slow_taken_off(
     coarse_s = np.linspace(0.0, 1.0, 11)
     valid = coarse_s < 0.75
     left = np.full(11, 30.0)
-    sway = Some(of_plate_m=lambda plate: 100.0 * plate[0] * coarse_s)
+    sway = Some(plate_displacement_m=lambda plate: 100.0 * plate[0] * coarse_s)
     coarse = Some(centre_s=coarse_s, valid=valid, plate=(2.0,), sway=sway)
     coarse.without_frame_motion = lambda noise, given: 10.0 * coarse_s + 1e6 * ~valid if given is left else None
     fine_s = np.linspace(0.0, 0.7, 50)
@@ -239,7 +239,7 @@ def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
     assert found == ("polished", ("pruned", best)) and asked == [trail] and trail is not old  # type: ignore[comparison-overlap]
     assert trail.start is again and trail.of([named("tilt")]) is best and not trail.asked and old.asked
     assert old.fits == {frozenset(): start}
-    monkeypatch.setattr(full_rate, "on_frame_anew", lambda fitted, stop: best if stop is calm else None)
+    monkeypatch.setattr(full_rate, "with_frame_relinearised", lambda fitted, stop: best if stop is calm else None)
     monkeypatch.setattr(full_rate, "_anew", lambda fitted, trail: (fitted, "anew", trail))
     other: Any = Some()
     assert full_rate.with_frame_response_updated(other, old) == (best, "anew", old)

@@ -154,7 +154,7 @@ class Stages:
         patch.setattr(acceptance, "separations_of", lambda *_: {})
         patch.setattr(acceptance, "restart_from_other_effects", restart_from_other_effects)
         hides = property(lambda best: best.effects == self.hides)
-        patch.setattr(Fit, "wanders_in_contact_alone", hides, raising=False)
+        patch.setattr(Fit, "wanders_only_in_contact", hides, raising=False)
 
 
 def settled(found: Trail, judged: Residual | None = None) -> Any:
@@ -214,7 +214,7 @@ def test_a_path_that_wanders_does_so_in_flight_as_well(
     data = SimpleNamespace(site=site, noise_of_flights=in_flight)
     problem: Any = SimpleNamespace(data=data, with_noise=lambda noise: problem, noise=learnt)
     fitted = Fitted(problem, np.zeros(1), 0.0, (), np.eye(1), True)
-    assert fitted.wanders_in_contact_alone is hides
+    assert fitted.wanders_only_in_contact is hides
 
 
 @pytest.mark.parametrize(
@@ -327,7 +327,7 @@ def lacking(
     monkeypatch.setattr(lack_of_fit, "free_laws", lambda *_: {name: [name] for name in laws})
     monkeypatch.setattr(lack_of_fit, "shared", lambda columns: columns[0])
     monkeypatch.setattr(lack_of_fit, "gain", lambda _fitted, _at, shape: gains[shape])
-    fitted = SimpleNamespace(problem=problem, point=None, wanders_in_contact_alone=in_contact)
+    fitted = SimpleNamespace(problem=problem, point=None, wanders_only_in_contact=in_contact)
     at = cast(Any, SimpleNamespace(lines=()))
     return largest_misfit(cast(Any, fitted), at, at, slow)
 

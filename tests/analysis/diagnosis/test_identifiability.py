@@ -84,7 +84,7 @@ class OfTwo:
             effective=Point("effective base", "effective own", values),  # type: ignore[arg-type]
         )  # fmt: skip
         self.at: Any = SimpleNamespace(problem=problem, tangents=SimpleNamespace(without=self.without))
-        patch.setattr(module, "to_actual", lambda point: ("actual", point))
+        patch.setattr(module, "to_physical", lambda point: ("actual", point))
         patch.setattr(
             module, "replace", lambda at, *, basis, left: SimpleNamespace(basis=basis, left=left, screen=self.screen)
         )

@@ -7,7 +7,7 @@ import pytest
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Freedom, Verdict
 from analysis.diagnosis.verdict.residual import residual_of
-from analysis.inference import Fitted, averaged_shots, base_fit, first_fit, joint_data, shakings_of, site_under
+from analysis.inference import Fitted, averaged_shots, base_fit, first_fit, frame_motions_of, joint_data, site_under
 from tests.benchmarks.site_cases import Case, judge
 from tests.building_rig import Rig
 
@@ -30,7 +30,7 @@ def test_a_clean_set_is_adequate_where_the_optical_path_wanders_too(site: str, s
 def base_in(rig: Rig) -> Fitted:
     """Return the base model's fit to three shots of a rig, the frame as their flights show it."""
     motions = rig.shots(31, (0.2, 0.265, 0.33))
-    site = site_under(motions, shakings_of(motions, "paper", None), 20.0)
+    site = site_under(motions, frame_motions_of(motions, "paper", None), 20.0)
     shots = averaged_shots(motions)
     begin = first_fit(shots, "paper", site, lambda: False)
     return base_fit(joint_data(shots, begin, site), begin, lambda: False, ())

@@ -105,7 +105,7 @@ def form_fit(name: str, bic: float, argument: Any = BEND, **values: float) -> Fo
     fitted: Any = SimpleNamespace(
         effects=(named("tilt"), law), bic=bic, point=SimpleNamespace(values=[{law: values}]), noise="noise",
         problem=SimpleNamespace(offset=5, free_parameters=free, data=SimpleNamespace(shots=["s0", "s1"])),
-        under_likely_noises=lambda: SimpleNamespace(std=std),
+        with_marginal_covariance=lambda: SimpleNamespace(std=std),
     )  # fmt: skip
     return FormFit(fitted, learned, Fitting(form, values, 1.0, np.zeros(3)))
 

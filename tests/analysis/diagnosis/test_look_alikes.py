@@ -220,7 +220,7 @@ class Tried:
     @staticmethod
     def fit(bic: float, *effects: Any) -> Any:
         found = fit_of(bic, *effects)
-        found.fitted_on = lambda *, evaluations, cancelled: fit_of(bic - 1.0, *effects, wander=(evaluations, cancelled))
+        found.refitted = lambda *, evaluations, cancelled: fit_of(bic - 1.0, *effects, wander=(evaluations, cancelled))
         return found
 
     def tried(self, *, predicts: bool = True) -> Any:

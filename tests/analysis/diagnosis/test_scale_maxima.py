@@ -43,11 +43,11 @@ def test_a_faint_support_is_found_at_the_frequency_that_is_likeliest_of_all(fain
     for hz in np.geomspace(300.0, 2900.0, 12):
         start = {"compliance_m_per_n": 6e-6, "frequency_hz": float(hz)}
         trial = refit(at, SUPPORT, (start,) * 3, calm)
-        assert trial is None or trial.fitted_on(evaluations=16).bic > best.bic - 1.0
+        assert trial is None or trial.refitted(evaluations=16).bic > best.bic - 1.0
     # each is a maximum by itself, not more than the limit behind, and stands once
     for one in others:
         assert one.bic < first.bic + 20.0
-        assert one.fitted_on(evaluations=40).bic > one.bic - 1.0
+        assert one.refitted(evaluations=40).bic > one.bic - 1.0
     at_ln = np.sort(np.log([frequency_hz(one) for one in (first, *others)]))
     assert len(others) >= 5 and float(np.diff(at_ln).min()) > 0.02
     # a large one keeps no promise to first order: not thoroughly, only those are seen that do
@@ -115,7 +115,7 @@ def test_a_faint_adhesion_may_end_between_other_gaps_that_the_bounces_reach() ->
 
     begun = refit(trail.start.linearise(), adhesion, ({"force_n": 5e-7, "range_m": 3e-4},) * 3, calm)
     assert begun is not None
-    wrong = begun.fitted_on(evaluations=40)
+    wrong = begun.refitted(evaluations=40)
     assert wrong.converged and range_m(wrong) > 2e-4  # a maximum by itself
     best = at_likeliest_scale(wrong, trail)
     assert best.bic < wrong.bic - 5.0 and 2e-5 < range_m(best) < 5e-5

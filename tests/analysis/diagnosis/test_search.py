@@ -79,10 +79,12 @@ class Stage:
             return best, trail_of(self.start, compared=self.compared[bool(beside)])
 
         patch.setattr(search, "joint_data", lambda *given: SimpleNamespace(shots=("shots", given)))
-        patch.setattr(search, "own_flights", lambda shots, chance: along if chance == CRITERIA.own_flights else None)
+        patch.setattr(
+            search, "per_shot_nuisances", lambda shots, chance: along if chance == CRITERIA.own_flights else None
+        )
         patch.setattr(search, "base_fit", lambda data, *given: ("base", data.shots, *given))
         patch.setattr(search, "accept", lambda base, *given: ("accepted", base, *given))
-        patch.setattr(search, "on_frame_anew", lambda start, stop: ("anew", *start[1:], stop))
+        patch.setattr(search, "with_frame_relinearised", lambda start, stop: ("anew", *start[1:], stop))
         patch.setattr(search, "search_from_base", search_from_base)
         patch.setattr(search, "resembles_frame_motion", lambda effect: effect in (TILT, ARM))
         patch.setattr(search, "nearly_as_likely", lambda first, trail: [fit(51.0, TILT), first])
@@ -261,7 +263,9 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
         return fit(500.0, softer=softer)
 
     data = SimpleNamespace(base=SimpleNamespace(contact_at=[2, 3]), shots=shots)
-    problem = SimpleNamespace(data=data, slow_enough=lambda point: point, pack=lambda point: point, fit_once=fit_once)
+    problem = SimpleNamespace(
+        data=data, with_softened_contact=lambda point: point, pack=lambda point: point, fit_once=fit_once
+    )
     before: Any = fit(100.0, problem=problem, point=SimpleNamespace(values="values"))
     monkeypatch.setattr(search_starts, "first_guesses", lambda *given: [guess])
     monkeypatch.setattr(search_starts, "Trail", lambda *given, **named: SimpleNamespace(given=given, named=named))

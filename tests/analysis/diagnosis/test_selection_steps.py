@@ -37,7 +37,7 @@ class Fit:
     def __repr__(self) -> str:
         return f"Fit({self.bic}, {[one.name for one in self.effects]})"
 
-    def fitted_on(self, *, evaluations: int, cancelled: Any) -> "Fit":
+    def refitted(self, *, evaluations: int, cancelled: Any) -> "Fit":
         assert (evaluations, cancelled) == (16, calm)
         return Fit(self.bic - self.longer, *self.effects)
 
@@ -187,7 +187,7 @@ def test_the_likeliest_fits_are_led_on_and_all_are_kept(monkeypatch: pytest.Monk
         assert two.trail.of([TILT]).bic == second and two.trail.of([FRICTION]).bic == 191.0  # type: ignore[union-attr]
     overtaken = Round(monkeypatch, Fit(500.0), dict.fromkeys(far, 99.0), {DRAG: 100.0, TILT: 101.0})
     overtaken.longer = 2.0
-    monkeypatch.setattr(Fit, "fitted_on", lambda self, **_: Fit(self.bic - 5.0 * (TILT in self.effects), *self.effects))
+    monkeypatch.setattr(Fit, "refitted", lambda self, **_: Fit(self.bic - 5.0 * (TILT in self.effects), *self.effects))
     assert overtaken.best(first=True).effects == (TILT,)
 
 
@@ -399,7 +399,7 @@ def test_a_search_is_made_anew_from_white_noise_where_the_learnt_noise_may_hide_
         def chi2(self, noise: Any) -> float:
             return {"unlearned": chi2}[noise]
 
-        def fitted_on(self, *, evaluations: int, anew: bool, cancelled: Any) -> "Polished":  # type: ignore[override]
+        def refitted(self, *, evaluations: int, anew: bool, cancelled: Any) -> "Polished":  # type: ignore[override]
             asked.append(("on", evaluations, anew, cancelled))
             return self if self.bic == bic - 7.0 else Polished(bic, DRAG, coloured=coloured)
 

@@ -87,7 +87,7 @@ def test_two_effects_found_alone_go_together(before: Fitted, after: Fitted) -> N
     assert drag is not None and tilt is not None
     both = with_both_effects(drag, tilt, before, calm)
     assert both is not None and both.effects == after.effects
-    ended = both.fitted_on(evaluations=30, cancelled=calm)
+    ended = both.refitted(evaluations=30, cancelled=calm)
     assert ended.bic == pytest.approx(after.bic, abs=1.0) and both.bic < min(drag.bic, tilt.bic) - 10.0
     same = with_both_effects(drag, drag, before, calm)
     assert same is not None and same.effects == drag.effects

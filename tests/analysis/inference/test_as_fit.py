@@ -10,7 +10,7 @@ import pytest
 from analysis.collision.effects import named
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.search.search_starts import accept
-from analysis.inference.fit.as_fit import _has_loud_moment, _sway_left_std_m, as_fit, effect_parameters
+from analysis.inference.fit.as_fit import _has_transient_excess, _sway_left_std_m, as_fit, effect_parameters
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.pipeline import analyse
 from analysis.shot.fit import Fit
@@ -103,8 +103,8 @@ def test_a_residual_rings_that_is_loud_for_a_moment_and_not_throughout(
 ) -> None:
     whitened = np.random.default_rng(1).standard_normal(15_000)
     whitened[: round(share * whitened.size)] *= louder
-    assert _has_loud_moment(whitened) is rings
-    assert not _has_loud_moment(whitened[:200])  # too short to tell
+    assert _has_transient_excess(whitened) is rings
+    assert not _has_transient_excess(whitened[:200])  # too short to tell
 
 
 @pytest.mark.parametrize("rows", [60, 512])

@@ -55,6 +55,6 @@ def test_a_search_goes_on_first_from_where_a_rough_one_did_not_go_astray(
 
     monkeypatch.setattr(module, "_search_on_frame", search)
     nothing: Any = None
-    found = list(module._rough_ends(nothing, iter(starts), white_floor(1e-10, 1e-5), calm))
+    found = list(module._noisy_search_ends(nothing, iter(starts), white_floor(1e-10, 1e-5), calm))
     assert [end.shared[0] - 1.0 for end in found] == yielded
     assert asked == [pytest.approx(1e-8)] * tried  # with the white noise enlarged

@@ -12,8 +12,8 @@ from analysis.inference.fit.problem import Linearised
 from analysis.inference.screen import columns as module
 from analysis.inference.screen.columns import (
     ColumnProducts,
-    added_by,
     column_products,
+    contribution_of,
     own_columns,
     products_along_paths,
 )
@@ -68,7 +68,7 @@ def test_products_are_those_of_columns_that_the_fit_cannot_make(at: Linearised, 
 
 
 def one_by_one(at: Linearised, kind: TrialEffect, start: Any) -> list[np.ndarray]:
-    added = added_by(at, kind, [start, start])
+    added = contribution_of(at, kind, [start, start])
     assert added is not None
     return added
 
@@ -100,7 +100,7 @@ def test_a_line_beyond_the_band_of_the_records_is_not_looked_at(at: Linearised) 
 def test_each_shot_may_have_values_of_its_own(at: Linearised) -> None:
     kind = KINDS["plate_motion"]
     rests, swings = ({"velocity_m_per_s": v, "displacement_m": 0.0} for v in (0.0, 1e-6))
-    both = added_by(at, kind, [swings, rests])
+    both = contribution_of(at, kind, [swings, rests])
     assert both is not None
     assert np.abs(both[0]).max() > 1e3 * np.abs(both[1]).max()
     own = own_columns(at, kind, [swings, rests])
@@ -115,7 +115,7 @@ def test_where_an_effect_has_no_motion_there_is_no_column(at: Linearised, monkey
     def refused(*_: Any) -> Any:
         raise Infeasible("none")
 
-    monkeypatch.setattr(module, "to_actual", refused)
+    monkeypatch.setattr(module, "to_physical", refused)
     starts = [{"coefficient_n_s_per_m": 1.7e-4}]
-    assert added_by(at, kind, starts * 2) is None and own_columns(at, kind, starts) is None
+    assert contribution_of(at, kind, starts * 2) is None and own_columns(at, kind, starts) is None
     assert column_products(at, kind, starts, 5).starts == []

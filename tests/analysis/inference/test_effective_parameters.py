@@ -6,7 +6,7 @@ import pytest
 from analysis.collision.effects import named
 from analysis.collision.parameters import PAPER, Infeasible
 from analysis.inference.fit.base import base_named
-from analysis.inference.fit.effective_parameters import Point, to_actual, to_effective
+from analysis.inference.fit.effective_parameters import Point, to_effective, to_physical
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
@@ -34,7 +34,7 @@ def test_a_plate_on_a_soft_clamp_is_seen_softer_and_its_mode_faster() -> None:
     assert seen.base[0] == pytest.approx(1 / (1 / stiffness + 2e-4), rel=1e-12)  # springs in series
     assert seen.values[1][SUPPORT]["frequency_hz"] == pytest.approx(2200 * (1 + 2e-4 * stiffness) ** 0.5)
     assert seen.own[:, 1] == pytest.approx(OWN[:, 1] + 7e-6, abs=1e-15)
-    assert flat(to_actual(seen)) == pytest.approx(flat(point()), rel=1e-12)
+    assert flat(to_physical(seen)) == pytest.approx(flat(point()), rel=1e-12)
 
 
 def test_a_clamp_softer_than_what_is_seen_is_no_place_for_a_search() -> None:
@@ -43,10 +43,10 @@ def test_a_clamp_softer_than_what_is_seen_is_no_place_for_a_search() -> None:
         soft = {**seen.values[0][SUPPORT], "compliance_m_per_n": share / seen.base[0]}
         one = Point(seen.base, seen.own[:1], ({**seen.values[0], SUPPORT: soft},))
         if left:
-            assert to_actual(one).base[0] == pytest.approx(seen.base[0] / (1 - share), rel=1e-9)
+            assert to_physical(one).base[0] == pytest.approx(seen.base[0] / (1 - share), rel=1e-9)
         else:
             with pytest.raises(Infeasible, match="clamp"):
-                to_actual(one)
+                to_physical(one)
 
 
 def test_a_point_has_an_effect_more_with_values_for_each_shot() -> None:
@@ -55,7 +55,7 @@ def test_a_point_has_an_effect_more_with_values_for_each_shot() -> None:
     assert [values[named("tilt")]["angle_rad"] for values in more.values] == [1.0, 2.0]
     assert [values[DELAY] for values in more.values] == [LAG] * 2
     bare = Point(PAPER.vector[:4].copy(), OWN, ({}, {}))
-    assert to_effective(bare).own.tolist() == OWN.tolist() == to_actual(bare).own.tolist()
+    assert to_effective(bare).own.tolist() == OWN.tolist() == to_physical(bare).own.tolist()
 
 
 def test_the_slope_is_that_of_the_parameters() -> None:

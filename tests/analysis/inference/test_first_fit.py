@@ -10,8 +10,8 @@ import pytest
 from analysis.collision import Infeasible
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit import first_fit as module
-from analysis.inference.fit.base import TRUSTED, SearchStart, base_named
-from analysis.inference.fit.first_fit import first_fit, likely_plates
+from analysis.inference.fit.base import PLATES_RELIABLE_CHI2, SearchStart, base_named
+from analysis.inference.fit.first_fit import first_fit, likeliest_plates
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.samples import averaged_shot
 from analysis.inference.noise.floor import white_floor
@@ -69,7 +69,7 @@ def test_of_several_searches_the_best_counts_and_one_that_is_near_enough_ends_th
 def test_two_ends_are_one_where_chi2_and_every_parameter_are(share: float, left: float, same: bool) -> None:
     moved = start(2.0, left)
     moved.shared[2] *= share
-    assert module._are_one(moved, start(2.0, 10.0)) is same
+    assert module._same_minimum(moved, start(2.0, 10.0)) is same
 
 
 def test_the_first_bounces_end_at_three_tenths_of_the_contact() -> None:
@@ -86,14 +86,14 @@ def test_a_plate_is_likely_where_a_frame_moves() -> None:
         assert noise.site == (1.0,)
         return float(rest.sum()), 2.0
 
-    shots = [SimpleNamespace(sway=SimpleNamespace(likely_plate=plate))] * 2
+    shots = [SimpleNamespace(sway=SimpleNamespace(likeliest_plate=plate))] * 2
     problem: Any = SimpleNamespace(
         noise=SimpleNamespace(site=(1.0,)), data=SimpleNamespace(shots=shots),
         residual_m=lambda z: [z, 3.0 * z],
     )  # fmt: skip
-    assert likely_plates(problem, np.array([1.0, 2.0])) == ((3.0, 2.0), (9.0, 2.0))
+    assert likeliest_plates(problem, np.array([1.0, 2.0])) == ((3.0, 2.0), (9.0, 2.0))
     problem.noise.site = ()
-    assert likely_plates(problem, np.array([1.0])) == ()
+    assert likeliest_plates(problem, np.array([1.0])) == ()
 
 
 def searched(
@@ -132,9 +132,9 @@ def searched(
             raise Infeasible("nothing moves so")
         return start(9.0, still)
 
-    monkeypatch.setattr(module, "resembled", lambda base, shots, most: [np.full(4, 40.0)])
+    monkeypatch.setattr(module, "resembling_candidates", lambda base, shots, most: [np.full(4, 40.0)])
     monkeypatch.setattr(module, "first_guesses", guesses)
-    monkeypatch.setattr(module, "_rough_ends", rough)
+    monkeypatch.setattr(module, "_noisy_search_ends", rough)
     monkeypatch.setattr(module, "_search_on_frame", on_frame)
     monkeypatch.setattr(module, "_best_of_searches", best)
     return first_fit((averaged_shot(motion),), "paper", site, calm, noise=FLOOR), asked
@@ -143,7 +143,7 @@ def searched(
 @pytest.mark.parametrize(
     ("lefts", "still", "tried", "best"),
     [
-        ([5.0, TRUSTED - 0.1, 0.5], 1.0, [1, 2], 2.0),  # one that is believed ends the search
+        ([5.0, PLATES_RELIABLE_CHI2 - 0.1, 0.5], 1.0, [1, 2], 2.0),  # one that is believed ends the search
         ([5.0, 4.0, 2.0], 1.0, [1, 2, 3], 3.0),
         ([31.0, 29.0], 1.0, [1, 2], 2.0),
         ([31.0, 32.0], 400.0, [1, 2, -9, 9], 1.0),  # all far off: a search without the frame, and on from there
@@ -160,7 +160,7 @@ def test_on_a_moving_frame_searches_go_on_until_one_is_believed(
 
 
 def test_two_searches_that_end_at_one_place_are_enough(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "_are_one", lambda one, other: (one.shared[0], other.shared[0]) == (3.0, 1.0))
+    monkeypatch.setattr(module, "_same_minimum", lambda one, other: (one.shared[0], other.shared[0]) == (3.0, 1.0))
     found, asked = searched(monkeypatch, [31.0, 32.0, 31.1, 0.1], 1.0)
     assert asked == [1, 2, 3] and found.shared[0] == 1.0
 

@@ -201,6 +201,6 @@ def test_guesses_end_where_someone_stops_them_and_the_fastest_shot_is_looked_at(
     with pytest.raises(Cancelled):
         first_guesses(BASE, [slow], lambda: True)
     assert module._fastest([slow, fast]) is fast and module._fastest([fast, slow]) is fast
-    some = module.resembled(BASE, [slow, fast], 3)
+    some = module.resembling_candidates(BASE, [slow, fast], 3)
     np.testing.assert_array_equal(some, [BASE.shared(one.collision) for one in rank(fast, BASE)[:3]])
-    assert module.resembled(replace(BASE, plates=2), [slow, fast], 3) == []
+    assert module.resembling_candidates(replace(BASE, plates=2), [slow, fast], 3) == []

@@ -77,7 +77,7 @@ def test_flights_are_of_their_own_where_a_shared_law_explains_too_little(monkeyp
         monkeypatch.setattr(module, "_log_likelihood", lambda *_: next(values))
         monkeypatch.setattr(module, "_flights", lambda shot: [SimpleNamespace(laws=np.zeros(5))] * 2)
         given: Any = [SimpleNamespace(wavelength_m=wavelength_m, spacing_s=1.0)] * shots
-        return bool(module.own_flights(given, 0.05))
+        return bool(module.per_shot_nuisances(given, 0.05))
 
     limit = 7.815 / 2  # of chi^2 with three degrees of freedom, one in twenty
     assert asked(1.001 * limit) and not asked(0.999 * limit)

@@ -13,7 +13,7 @@ from analysis.inference.noise import flights
 from analysis.inference.noise.flights import (
     _density,
     _flight,
-    _no_louder,
+    _power_not_above,
     _two_levels,
     _wandering,
     detrended,
@@ -112,10 +112,10 @@ def test_a_flight_is_as_quiet_as_another_within_three_standard_errors(times: flo
     part, of_noise = np.arange(60) < 50, np.arange(80) < 20
     limit = 1 + 3 * math.sqrt(2 / 50 + 2 / 20)
     ratio = np.where(part, times * limit, 1e9)
-    assert _no_louder(ratio, part, of_noise) is quiet
+    assert _power_not_above(ratio, part, of_noise) is quiet
     few = np.where(part, times * (1 + 3 * math.sqrt(2 / 50 + 2 / 4)), 1e9)
-    assert _no_louder(few, part, of_noise[:0]) is quiet  # known from four bins at least
-    assert _no_louder(ratio, np.zeros(60, dtype=bool), of_noise)
+    assert _power_not_above(few, part, of_noise[:0]) is quiet  # known from four bins at least
+    assert _power_not_above(ratio, np.zeros(60, dtype=bool), of_noise)
 
 
 def test_the_longest_part_of_a_flight_without_a_gap_is_read_in_whole_blocks() -> None:

@@ -11,7 +11,14 @@ from analysis.collision import Infeasible
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit import joint_data as module
 from analysis.inference.fit.base import SearchStart, base_named
-from analysis.inference.fit.joint_data import JointData, can_tell, joint_data, shakings_of, site_under, with_plates
+from analysis.inference.fit.joint_data import (
+    JointData,
+    frame_motions_of,
+    joint_data,
+    resolves_frame_motion,
+    site_under,
+    with_plates,
+)
 from analysis.inference.fit.samples import averaged_shots
 from analysis.shot import AnalysisError
 from tests.analysis.collision.simulated import shot
@@ -55,12 +62,12 @@ def test_a_frames_motion_is_read_where_records_are_quick_and_there_is_a_plate(mo
         SimpleNamespace(sample_rate_hz=rate, time_s=np.array([3.0, end])) for rate, end in ((1e4, 4.0), (9.9e3, 5.0))
     )
     given: Any = [quick, slow]
-    assert [can_tell(one) for one in given] == [True, False]
-    monkeypatch.setattr(module, "shaking_in", lambda motion: motion.sample_rate_hz)
-    assert shakings_of(given[:1] * 2, "paper", None) == (1e4, 1e4)
-    assert shakings_of(given[:1], "paper", ["known"]) == ("known",)  # type: ignore[list-item]
+    assert [resolves_frame_motion(one) for one in given] == [True, False]
+    monkeypatch.setattr(module, "read_frame_motion", lambda motion: motion.sample_rate_hz)
+    assert frame_motions_of(given[:1] * 2, "paper", None) == (1e4, 1e4)
+    assert frame_motions_of(given[:1], "paper", ["known"]) == ("known",)  # type: ignore[list-item]
     for motions, model in ((given, "paper"), (given[:1], "contact")):
-        assert shakings_of(motions, model, ["known"] * len(motions)) == (None,) * len(motions)  # type: ignore[list-item]
+        assert frame_motions_of(motions, model, ["known"] * len(motions)) == (None,) * len(motions)  # type: ignore[list-item]
     monkeypatch.setattr(
         module, "site_of", lambda shakings, length_s, least, *, whole: (shakings, length_s, least, whole)
     )

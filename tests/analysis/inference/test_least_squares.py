@@ -223,12 +223,12 @@ def test_a_search_is_given_up_where_it_is_called_hopeless_once_little_is_promise
     def search(gives_up: bool, begin: float) -> bool:
         asked.clear()
 
-        def hopeless(at: np.ndarray, square: Square) -> bool:
+        def stop_early(at: np.ndarray, square: Square) -> bool:
             asked.append(float(at[0]))
             return gives_up
 
         curved = quadratic(np.eye(1), np.array([3.0]), rest=100.0)
-        return minimise(curved, np.array([begin]), hopeless=hopeless).converged
+        return minimise(curved, np.array([begin]), stop_early=stop_early).converged
 
     assert not search(True, 2.0) and asked == [2.0]
     assert search(False, 2.0) and asked == [2.0]

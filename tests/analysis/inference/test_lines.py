@@ -12,7 +12,7 @@ from analysis.collision.on_moving_frame import moved_by_frame
 from analysis.collision.parameters import Collision
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.screen import lines
-from analysis.inference.screen.lines import _Waves, _waves, near_loud_lines, scan
+from analysis.inference.screen.lines import _Waves, _waves, scan, starts_near_strong_lines
 from tests.analysis.diagnosis.shots import base_fit, shots
 
 TIME_S = 3e-3 + np.arange(1000) / 20e3
@@ -72,7 +72,7 @@ def test_starts_lie_at_and_beside_the_loudest_lines_that_could_pay(monkeypatch: 
     mode, clamp = trial_effect(named("block_mode")), trial_effect(named("support_compliance"))
 
     def found(kind: Any, louder_than: float) -> list[float]:
-        starts = near_loud_lines(some, kind, louder_than)
+        starts = starts_near_strong_lines(some, kind, louder_than)
         for start in starts:
             assert set(start) == {p.name for p in kind.effect.parameters}
             assert {**start, "frequency_hz": 0.0, "damping_ratio": 0.0} == {
@@ -84,7 +84,7 @@ def test_starts_lie_at_and_beside_the_loudest_lines_that_could_pay(monkeypatch: 
     beside = [f + by for f in loud for by in (-1.25, 0.0, 1.25)]
     assert found(clamp, 0.0) == pytest.approx(beside)
     assert found(mode, 0.0) == pytest.approx([f for f in beside for _ in range(2)])
-    dampings = [start["damping_ratio"] for start in near_loud_lines(some, mode, 0.0)]
+    dampings = [start["damping_ratio"] for start in starts_near_strong_lines(some, mode, 0.0)]
     assert len(set(dampings[:2])) == 2 and dampings == dampings[:2] * 15 and max(dampings) < 0.05
     assert found(clamp, 49.5) == pytest.approx(beside[:6]) and found(clamp, 60.0) == []
 

@@ -19,7 +19,7 @@ from analysis.inference.fit.course import read_course
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import per_shot_acceleration as module
-from analysis.inference.noise.per_shot_acceleration import own_flights
+from analysis.inference.noise.per_shot_acceleration import per_shot_nuisances
 from analysis.shot.motion import Motion
 from tests.analysis.camera import MASS_KG, Camera
 from tests.benchmarks.stories import simulated
@@ -36,16 +36,16 @@ def shots(bends: tuple[tuple[float, float], ...], drag: float = 0.0, growing: fl
 
 
 def test_bends_that_no_shared_law_gives_are_the_shots_own() -> None:
-    assert own_flights(averaged_shots(shots(OWN)), CRITERIA.own_flights) == (named("flight_acceleration"),)
+    assert per_shot_nuisances(averaged_shots(shots(OWN)), CRITERIA.own_flights) == (named("flight_acceleration"),)
 
 
 @pytest.mark.parametrize("drag", [0.0, 0.12])
 def test_a_drag_that_all_shots_share_is_not(drag: float) -> None:
-    assert own_flights(averaged_shots(shots(((0.0, 0.0),) * 4, drag)), CRITERIA.own_flights) == ()
+    assert per_shot_nuisances(averaged_shots(shots(((0.0, 0.0),) * 4, drag)), CRITERIA.own_flights) == ()
 
 
 def test_two_shots_cannot_contradict_a_law() -> None:
-    assert own_flights(averaged_shots(shots(OWN)[:2]), CRITERIA.own_flights) == ()
+    assert per_shot_nuisances(averaged_shots(shots(OWN)[:2]), CRITERIA.own_flights) == ()
 
 
 def test_a_shot_fitted_with_its_own_bends_gives_them() -> None:
@@ -89,7 +89,7 @@ def test_the_contact_is_read_through_a_cameras_noise(seed: int) -> None:
 def test_what_one_law_of_all_shots_bends_is_not_taken_for_flights_of_their_own() -> None:
     """A set that chance made suspect: 20 uN of friction bent the flights of all shots alike, and nothing was named."""
     motions = simulated()
-    assert own_flights(averaged_shots(motions), CRITERIA.own_flights) != ()
+    assert per_shot_nuisances(averaged_shots(motions), CRITERIA.own_flights) != ()
     found = diagnose(motions)
     assert [effect.name for effect in found.effects] == ["coulomb_friction"]
     assert found.verdict is Verdict.EFFECT_FOUND and not found.fit_after.shots[0].own_parameters
@@ -157,7 +157,7 @@ def test_bends_are_the_shots_own_where_laws_would_leave_them_with_less_than_the_
 
     monkeypatch.setattr(module, "_log_likelihood", likelihood)
     taken = averaged_shots(shots(OWN))
-    assert own_flights(taken, 1e-3) == ((named("flight_acceleration"),) if own else ())
+    assert per_shot_nuisances(taken, 1e-3) == ((named("flight_acceleration"),) if own else ())
     # tilt and gradient may pull either way, friction and drags only brake; a bend may be any
     assert asked == [((8, 5), [False, True, True, True, False]), ((8, 8), [False] * 8)]
-    assert own_flights([replace(one, wavelength_m=633e-9) for one in taken], 1e-3) == () and len(asked) == 2
+    assert per_shot_nuisances([replace(one, wavelength_m=633e-9) for one in taken], 1e-3) == () and len(asked) == 2

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.inference.fit.as_fit import _has_loud_moment
+from analysis.inference.fit.as_fit import _has_transient_excess
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.shot.consistency import concerning
 from tests.building_rig import Path, Rig
@@ -54,4 +54,4 @@ def test_a_ring_is_louder_than_chance_and_for_a_moment_alone(
 ) -> None:
     residual = np.random.default_rng(3).normal(0.0, np.sqrt(quiet), 100 * 150)
     residual[: round(share * residual.size)] *= np.sqrt(loud)
-    assert _has_loud_moment(residual) is said
+    assert _has_transient_excess(residual) is said

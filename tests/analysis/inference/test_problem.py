@@ -99,7 +99,7 @@ def test_a_fit_is_at_its_minimum_with_its_criterion_and_its_covariance(best: Fit
     np.testing.assert_allclose(best.covariance, slope @ best.inverse @ slope.T)
     np.testing.assert_allclose(best.std**2, np.diag(best.covariance))
     assert best.effects == () and best.unlearned_noise == best.noise.still
-    assert best.under_likely_noises() is best and best.continued() is best  # no frame, and at its end
+    assert best.with_marginal_covariance() is best and best.continued() is best  # no frame, and at its end
 
 
 def test_parameters_that_are_held_stay_and_the_others_give_way(best: Fitted) -> None:
@@ -137,11 +137,11 @@ def test_the_likelier_of_two_fits_is_kept(best: Fitted, monkeypatch: pytest.Monk
 
 def test_a_contact_too_stiff_for_the_samples_is_softened_until_it_is_not(best: Fitted) -> None:
     problem, point = best.problem, best.point
-    assert problem.slow_enough(point) is point
+    assert problem.with_softened_contact(point) is point
     stiff = replace(point, base=point.base * [1.0, 1.0, 1e6, 1.0])
     with pytest.raises(Infeasible, match="faster than any record can show"):
         problem.averaged(0, stiff)
-    soft = problem.slow_enough(stiff)
+    soft = problem.with_softened_contact(stiff)
     softened = round(np.log10(stiff.base[2] / soft.base[2]))
     assert soft.base[2:4] == pytest.approx(stiff.base[2:4] * [0.1**softened, 0.3**softened])
     assert not problem.shot_at(0, soft).too_fast
@@ -159,7 +159,7 @@ def test_a_path_that_wanders_more_than_its_white_noise_must_be_likelier_than_whi
     white = Some(log_likelihood=still)
     noise = Some(site=site, rms_m=(0.1, rms), white_m=1.0)
     fit: Any = Some(noise=noise, log_likelihood=5.0, from_white=lambda *, evaluations, cancelled: white)
-    assert Fitted._without_wander(fit, None) is (fit if kept else white)
+    assert Fitted._or_white_noise(fit, None) is (fit if kept else white)
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_a_search_goes_on_as_long_as_the_likelihood_grows(
     def of(how: str, value: float) -> Any:
         fit = Some(converged=how == "converged", log_likelihood=value, z=None, words=f"{how} {value:g}")
         fit.problem = Some(search=lambda z, *, evaluations, cancelled: next(left), fitted=lambda found: of(*found))
-        fit._without_wander = lambda cancelled: fit.words
+        fit._or_white_noise = lambda cancelled: fit.words
         return fit
 
     assert Fitted.continued(of(*begins)) == ends  # type: ignore[comparison-overlap]
@@ -198,7 +198,7 @@ def test_whoever_stops_a_fit_is_asked_in_all_of_its_searches(best: Fitted, monke
 
     monkeypatch.setattr(Problem, "search", noted)
     best.problem.fit(best.z, cancelled=calm)
-    best.fitted_on(evaluations=2, cancelled=calm)
+    best.refitted(evaluations=2, cancelled=calm)
     best.from_white(evaluations=2, cancelled=calm)
     replace(best, converged=False).continued(calm)
     assert len(asked) >= 7 and all(one is calm for one in asked)

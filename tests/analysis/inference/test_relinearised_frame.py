@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.inference.fit import relinearised_frame
-from analysis.inference.fit.relinearised_frame import on_frame_anew
+from analysis.inference.fit.relinearised_frame import with_frame_relinearised
 from tests.analysis.diagnosis.shots import calm
 
 WHITE_M, STD = 1e-10, (2e-7, 3e-4)
@@ -20,7 +20,11 @@ class _Data:
 
 
 def _sway(off: float, plate: tuple[float, float] = (0.0, 0.0)) -> Any:
-    return Some(apart_m=lambda _other, _noise: off * WHITE_M, likely_plate=lambda _left, _noise: plate, plate_std=STD)
+    return Some(
+        largest_difference_m=lambda _other, _noise: off * WHITE_M,
+        likeliest_plate=lambda _left, _noise: plate,
+        plate_std=STD,
+    )
 
 
 def _fit(shots: Any, site: Any = "a building") -> Any:
@@ -60,7 +64,7 @@ def test_it_is_computed_anew_where_it_is_wrong_or_a_plate_is_elsewhere(
     monkeypatch.setattr(relinearised_frame, "with_plates", _with_plates)
     calmer = Some(sway=_sway(0.0), plate=(0.0, 0.0))
     before = _fit((calmer, Some(sway=_sway(off, (float(plate[0]), float(plate[1]))), plate=(0.0, 0.0))))
-    found = on_frame_anew(before, calm)
+    found = with_frame_relinearised(before, calm)
     assert (found is not before) is anew
     assert set(computed) == {"with the effect"}
     if anew and moved:
@@ -104,7 +108,7 @@ def test_plates_are_followed_as_long_as_that_makes_the_shots_likelier(
     monkeypatch.setattr(relinearised_frame, "on_site", on_site)
     monkeypatch.setattr(relinearised_frame, "replace", refitted)
     monkeypatch.setattr(relinearised_frame, "with_plates", _with_plates)
-    found = on_frame_anew(_fit((Some(sway=_sway(0.0, (STD[0], 0.0)), plate=(0.0, 0.0)),)), calm)
+    found = with_frame_relinearised(_fit((Some(sway=_sway(0.0, (STD[0], 0.0)), plate=(0.0, 0.0)),)), calm)
     assert len(fitted) == turns and found is fitted[taken - 1]
 
 
@@ -114,12 +118,12 @@ def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch:
 
     monkeypatch.setattr(relinearised_frame, "on_site", too_fast)
     before = _fit((Some(sway=_sway(1.0), plate=(0.0, 0.0)),))
-    assert on_frame_anew(before, calm) is before
+    assert with_frame_relinearised(before, calm) is before
 
 
 def test_a_fit_at_rest_stays_as_it_is() -> None:
     before = _fit((Some(sway=None),), site=None)
-    assert on_frame_anew(before, calm) is before
+    assert with_frame_relinearised(before, calm) is before
 
 
 def test_plates_are_read_anew_and_the_farthest_move_is_told_in_standard_deviations() -> None:
@@ -127,7 +131,7 @@ def test_plates_are_read_anew_and_the_farthest_move_is_told_in_standard_deviatio
         def read(left: float, floor: float) -> tuple[float, float]:
             return likely[0], likely[1] + left * floor
 
-        sway = Some(plate_std=(2.0, 10.0), likely_plate=read)
+        sway = Some(plate_std=(2.0, 10.0), likeliest_plate=read)
         return Some(sway=sway, plate=taken)
 
     shots = [shot((1.0, 3.0), (2.0, 5.0)), shot((7.0, 1.0), (6.0, -20.0)), shot((0.0, 0.0), (0.0, 0.0))]

@@ -80,7 +80,7 @@ def test_what_a_frame_may_have_added_counts_where_a_noise_holds_it() -> None:
     valid[:5] = False
     sway: Any = SimpleNamespace(
         whiten=lambda rows, floor: rows + 7.0,
-        of_plate_m=lambda plate: np.full(valid.size, sum(plate)),
+        plate_displacement_m=lambda plate: np.full(valid.size, sum(plate)),
         likely=lambda left, floor: np.full(valid.sum(), 3.0),
     )
     still = replace(bare, valid=valid, weight=2.0)

@@ -76,7 +76,7 @@ def test_shots_on_several_plates_share_the_contact_and_what_is_chosen_is_no_entr
     back = problem.unpack(problem.pack(there))
     np.testing.assert_allclose(problem.flat(back), problem.flat(there), rtol=1e-9)
     assert [one[kind.effect]["order"] for one in back.values] == [2.0, 2.0]
-    alone = Problem(JointData(taken[1:], base, like_kg=taken[0].moving_mass_kg), (), problem.noise)
+    alone = Problem(JointData(taken[1:], base, reference_mass_kg=taken[0].moving_mass_kg), (), problem.noise)
     np.testing.assert_allclose(
         alone.pack(Point(there.base, there.own[1:], ({},)))[:8], problem.pack(there)[:8], rtol=1e-12
     )

@@ -13,7 +13,7 @@ from analysis.collision.parameters import PAPER
 from analysis.inference.fit import joint_data, shot_fit
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.joint_data import JointData, can_tell, shakings_of, with_plates
+from analysis.inference.fit.joint_data import JointData, frame_motions_of, resolves_frame_motion, with_plates
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import _half_way, _settled, fit_shots
@@ -46,13 +46,14 @@ def turns(moves: list[float], monkeypatch: pytest.MonkeyPatch, site: object = "s
 
     def of(made_at: Any) -> Any:
         return SimpleNamespace(
-            made_at=made_at, data=SimpleNamespace(site=site), slow_enough=lambda p: p, pack=lambda p: p.base.copy(),
+            made_at=made_at, data=SimpleNamespace(site=site), with_softened_contact=lambda p: p,
+            pack=lambda p: p.base.copy(),
             unpack=lambda z: point([float(z[0])], [[0.0, 0.0, 0.0]]),
         )  # fmt: skip
 
     monkeypatch.setattr(shot_fit, "_minimum_from", minimum)
     monkeypatch.setattr(shot_fit, "_at_motion", lambda problem, here, plates: of((float(here.base[0]), plates)))
-    monkeypatch.setattr(shot_fit, "likely_plates", lambda problem, z: ((float(z[0]), 0.0),))
+    monkeypatch.setattr(shot_fit, "likeliest_plates", lambda problem, z: ((float(z[0]), 0.0),))
     problem: Any = of("begin")
     settled = _settled(problem, point([0.0], [[0.0, 0.0, 0.0]]), (), lambda: False)
     return settled, begun
@@ -102,17 +103,17 @@ def test_the_data_of_several_shots() -> None:
     plates = with_plates(data.shots, [(1.0, 2.0), (3.0, 4.0)])
     assert [one.plate for one in plates] == [(1.0, 2.0), (3.0, 4.0)] and with_plates(data.shots, ()) == data.shots
     for rate_hz, fast in ((9.9e3, False), (10.1e3, True)):
-        assert can_tell(replace(motions[0], sample_rate_hz=rate_hz)) is fast
+        assert resolves_frame_motion(replace(motions[0], sample_rate_hz=rate_hz)) is fast
 
 
 def test_the_frames_motion_is_read_where_it_is_not_known_and_there_is_a_plate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(joint_data, "shaking_in", lambda motion: f"read in {motion.time_s.size}")
+    monkeypatch.setattr(joint_data, "read_frame_motion", lambda motion: f"read in {motion.time_s.size}")
     motions = [shot(samples=6000), shot(samples=6100)]
     slow = [motions[0], replace(motions[1], sample_rate_hz=1e3)]
     known: Any = [None, "known"]
-    assert shakings_of(motions, "paper", None) == ("read in 6000", "read in 6100")
-    assert shakings_of(motions, "paper", known) == (None, "known")
-    assert shakings_of(motions, "contact", known) == (None, None) == shakings_of(slow, "paper", known)
+    assert frame_motions_of(motions, "paper", None) == ("read in 6000", "read in 6100")
+    assert frame_motions_of(motions, "paper", known) == (None, "known")
+    assert frame_motions_of(motions, "contact", known) == (None, None) == frame_motions_of(slow, "paper", known)
 
 
 def test_what_stays_undecided_between_turns_is_added_to_the_covariance(monkeypatch: pytest.MonkeyPatch) -> None:

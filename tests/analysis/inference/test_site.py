@@ -14,16 +14,22 @@ from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import predict
 from analysis.inference.fit.base import base_of, start_from_fit
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.joint_data import can_tell, joint_data, shakings_of, site_under, with_plates
+from analysis.inference.fit.joint_data import (
+    frame_motions_of,
+    joint_data,
+    resolves_frame_motion,
+    site_under,
+    with_plates,
+)
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import frame_strengths
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import Site, site_of
-from analysis.inference.noise.sway import Sway, swayed
+from analysis.inference.noise.sway import Sway, frame_response_of
 from analysis.pipeline import analyse
-from analysis.reading.read import shaking_in
+from analysis.reading.read import read_frame_motion
 from analysis.shot import plate_count
 from analysis.shot.impact import Shaking
 from analysis.shot.quantity import Quantity
@@ -97,10 +103,10 @@ def test_the_likeliest_plate_is_the_conditional_mean_wherever_it_was_taken_to_be
     moved, left = columns * sizes, random.standard_normal(60)
     numbers = moved.T @ np.linalg.solve(moved @ moved.T + covariance_of(noise, 60), left)
     expected = (numbers * sizes)[-2:] * sway.plate_std
-    np.testing.assert_allclose(sway.likely_plate(left, noise), expected, rtol=1e-6)
+    np.testing.assert_allclose(sway.likeliest_plate(left, noise), expected, rtol=1e-6)
     known = (3e-7, -2e-4)  # what it does is taken off the remainder then
     beside = left - columns[:, -2:] @ np.divide(known, sway.plate_std)
-    np.testing.assert_allclose(beside + sway.of_plate_m(known), left, atol=1e-9)
+    np.testing.assert_allclose(beside + sway.plate_displacement_m(known), left, atol=1e-9)
 
 
 def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shaking:
@@ -161,7 +167,7 @@ def test_a_quiet_table_is_no_site() -> None:
 def problem_at_vc_d() -> tuple[Problem, np.ndarray]:
     """Return three clean shots at VC-D as a diagnosis judges them, and the vector of the base fit."""
     motions = shots_at("VC-D", 31)
-    shakings = shakings_of(motions, "paper", None)
+    shakings = frame_motions_of(motions, "paper", None)
     site = site_under(motions, shakings, CRITERIA.site_nm)
     fit = fit_shots(motions, shakings=shakings)
     begin = start_from_fit(fit, motions)
@@ -179,7 +185,7 @@ def at_vc_d():
 def test_how_far_a_held_out_shot_lies_off_is_not_how_far_the_building_moved_it() -> None:
     """An effect of a nanometre was refused where the frame's 150 nm hid that it predicts better."""
     problem, z = problem_at_vc_d()
-    fitted = problem.with_first_noise(z).fit(z)
+    fitted = problem.with_start_noise(z).fit(z)
     told = predict(fitted, (1,), fitted.noise, calm)
     assert told is not None
     held = problem.data.shots[1]
@@ -218,7 +224,7 @@ def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
 def test_a_joint_fit_in_a_building_is_not_drawn_to_other_bounces(site: str, seed: int) -> None:
     """A swaying frame lets a first guess pass whose bounces are not the shots': from there no step leads back."""
     motions = shots_at(site, seed)
-    fit = fit_shots(motions, shakings=shakings_of(motions, "paper", None))
+    fit = fit_shots(motions, shakings=frame_motions_of(motions, "paper", None))
     assert fit.reduced_chi2 < 1.2
 
 
@@ -227,7 +233,7 @@ def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
     fit = fit_shots(motions)
     names = {"plate_stiffness_n_per_m": 3.8e6, "plate_mass_kg": 1.4e-6, "contact_stiffness_n_per_m": 280.0}
     drawn_off = replace(fit, parameters={**fit.parameters, **{name: Quantity(v, 0.0) for name, v in names.items()}})
-    site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
+    site = site_under(motions, frame_motions_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
     assert joint_data(averaged_shots(motions), start_from_fit(drawn_off, motions), site).site is None
 
@@ -254,11 +260,11 @@ def test_friction_is_named_in_an_ordinary_building() -> None:
 
 def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_noise() -> None:
     motions = Rig("VC-A").shots(40, (0.265,))
-    site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
+    site = site_under(motions, frame_motions_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
     (shot,) = averaged_shots(motions)
     base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
-    sway = swayed(shot, site, base, shared, np.array(shot.course.own))
+    sway = frame_response_of(shot, site, base, shared, np.array(shot.course.own))
     for wander_m in (0.0, shot.white_m):
         noise = a_noise(shot.white_m, (0.0,) * site.bands, wander_m)
         known = sway.whitened_directions(noise)
@@ -269,12 +275,12 @@ def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_nois
 @pytest.mark.parametrize("share", [1e-9, 0.0])
 def test_a_frame_that_nothing_feels_takes_nothing(share: float, capfd: pytest.CaptureFixture[str]) -> None:
     motions = Rig("VC-A").shots(40, (0.265,))
-    site = site_under(motions, shakings_of(motions, "paper", None), CRITERIA.site_nm)
+    site = site_under(motions, frame_motions_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
     still = replace(site, shaking=replace(site.shaking, power_m2=site.shaking.power_m2 * share**2))
     (shot,) = averaged_shots(motions)
     base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
-    sway = swayed(shot, still, base, shared, np.array(shot.course.own))
+    sway = frame_response_of(shot, still, base, shared, np.array(shot.course.own))
     noise = a_noise(shot.white_m, (0.0,) * site.bands)
     rows = np.random.default_rng(1).standard_normal((int(shot.valid.sum()), 2))
     most = np.linalg.norm(sway.scaled(noise), 2) ** 2  # of the variance: a plate is never taken to be at rest
@@ -291,7 +297,7 @@ def test_a_fit_with_an_effect_takes_the_plate_to_stand_where_it_does_with_the_ef
     recording, _ = record_shot(rig, 4, 0.404, 10e6, 0.15)
     motion = analyse(recording, AnalysisSettings(fit=False)).motion
     assert motion is not None
-    shot = fit_shots([motion], effects=["quadratic_drag"], shakings=[shaking_in(motion)]).shots[0]
+    shot = fit_shots([motion], effects=["quadratic_drag"], shakings=[read_frame_motion(motion)]).shots[0]
     assert shot.sway_std_m is not None
     near = np.abs(motion.time_s - shot.touch_time_s.value) < 1e-3
     off = shot.residual_m[near] / shot.sway_std_m[near]
@@ -304,4 +310,4 @@ def test_a_frames_motion_up_to_1_khz_is_told_from_noise_where_a_period_has_ten_s
 ) -> None:
     rig = Synthetic(rate_hz=rate_hz, bandwidth_hz=0.1 * rate_hz)
     time_s = np.arange(0.0, 0.01, 1.0 / rate_hz)
-    assert can_tell(motion_from(time_s, np.zeros(time_s.size), rig)) is separates
+    assert resolves_frame_motion(motion_from(time_s, np.zeros(time_s.size), rig)) is separates

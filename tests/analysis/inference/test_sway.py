@@ -56,12 +56,12 @@ def test_what_is_likely_is_the_conditional_mean(noise: Floor) -> None:
     numbers = by_numbers.T @ np.linalg.solve(whole, left[sway.valid])
     np.testing.assert_allclose(sway.likely(left, noise), by_numbers @ numbers, rtol=1e-8, atol=1e-16)
     plate = numbers[-2:] * np.sqrt(2.0) * PLATE_STD  # in the first band, of twice the power
-    assert sway.likely_plate(left, noise) == pytest.approx(tuple(plate), rel=1e-8)
+    assert sway.likeliest_plate(left, noise) == pytest.approx(tuple(plate), rel=1e-8)
 
 
 def test_a_plates_start_moves_the_shot_as_its_numbers_do() -> None:
     sway = swaying()
-    moved = sway.of_plate_m((2.0 * PLATE_STD[0], -3.0 * PLATE_STD[1]))
+    moved = sway.plate_displacement_m((2.0 * PLATE_STD[0], -3.0 * PLATE_STD[1]))
     assert not moved[~sway.valid].any()
     columns = sway.basis @ sway.factors
     np.testing.assert_allclose(moved[sway.valid], 2.0 * columns[:, 5] - 3.0 * columns[:, 6])
@@ -73,7 +73,9 @@ def test_speeds_and_shares_are_those_of_the_bands() -> None:
     assert sway.shares.tolist() == [[1, 1, 0, 0, 0, 1, 1], [0, 0, 1, 1, 1, 0, 0]]
     one, other = swaying(), swaying(2)
     by = [covariances(each, STILL)[1] for each in (one, other)]
-    assert one.apart_m(other, STILL) == pytest.approx(np.sqrt(np.max(np.sum((by[0] - by[1]) ** 2, axis=1))))
+    assert one.largest_difference_m(other, STILL) == pytest.approx(
+        np.sqrt(np.max(np.sum((by[0] - by[1]) ** 2, axis=1)))
+    )
 
 
 def test_results_are_kept_for_the_last_few_noises() -> None:

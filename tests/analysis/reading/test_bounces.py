@@ -9,7 +9,6 @@ import pytest
 
 from analysis.reading import bounces
 from analysis.reading.bounces import (
-    _as_it_grazes,
     _first_maximum,
     _flight_edges,
     _free,
@@ -18,6 +17,7 @@ from analysis.reading.bounces import (
     _local_force,
     _refined_peak,
     _straightened,
+    _with_grazing_uncertainty,
     find_bounces,
 )
 from analysis.reading.edges import Edge
@@ -93,8 +93,8 @@ def test_a_force_is_a_parabola_over_the_fewest_samples_that_keep_its_noise_at_a_
 
 def test_a_flight_of_a_third_of_the_first_contact_is_less_sure_by_a_twenty_fifth_of_it() -> None:
     edges = Edge(1.0, 3e-3), Edge(1.36, 4e-3)
-    assert _as_it_grazes(edges, 1.0) is edges
-    release, onset = _as_it_grazes((edges[0], Edge(1.34, 4e-3)), 1.0)
+    assert _with_grazing_uncertainty(edges, 1.0) is edges
+    release, onset = _with_grazing_uncertainty((edges[0], Edge(1.34, 4e-3)), 1.0)
     assert (release.time_s, onset.time_s) == (1.0, 1.34)
     assert [release.std_s, onset.std_s] == pytest.approx([np.hypot(3e-3, 0.04), np.hypot(4e-3, 0.04)])
 

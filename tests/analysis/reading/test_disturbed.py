@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.reading.locate import find_collision
-from analysis.reading.read import read_impact, shaking_in
+from analysis.reading.read import read_frame_motion, read_impact
 from analysis.shot.impact import Impact
 from analysis.shot.quantity import Quantity
 from tests.analysis.disturbance import Disturbance, Knock, Line, disturbed_motion
@@ -126,7 +126,7 @@ def test_what_shook_is_the_same_without_reading_all(lines: tuple[Line, ...]) -> 
     motion = disturbed_motion(RIG, Disturbance(lines=lines))
     disturbance = read_impact(motion).disturbance
     assert disturbance is not None
-    shaking = shaking_in(motion)
+    shaking = read_frame_motion(motion)
     assert (shaking is None) == (disturbance.shaking is None) == (not lines)
     assert repr(shaking) == repr(disturbance.shaking)
 

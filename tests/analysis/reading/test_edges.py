@@ -116,7 +116,7 @@ def test_an_instant_is_the_mean_over_its_likelihood_and_as_sure_as_that_is_wide(
 
 
 def test_an_edge_that_is_less_sure_has_both_uncertainties_and_its_time() -> None:
-    assert Edge(1.5, 3e-6).less_sure(4e-6) == Edge(1.5, pytest.approx(5e-6))
+    assert Edge(1.5, 3e-6).with_added_uncertainty(4e-6) == Edge(1.5, pytest.approx(5e-6))
 
 
 @pytest.mark.parametrize(("gain", "degree"), [(8.0, 1), (10.0, 2)])

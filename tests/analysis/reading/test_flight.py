@@ -131,7 +131,7 @@ def test_knocks_are_left_out_of_the_bins_and_told_from_first_to_last_sample(monk
     plain = read_flights(motion, (0, 249), (300, 599))
     monkeypatch.setattr(both_flights, "find_knocks", lambda *of: ([(10, 14), (60, 62)], True))
     flights = read_flights(motion, (0, 249), (300, 599))
-    assert plain is not None and flights is not None and flights.knocks_kept and not plain.knocks_kept
+    assert plain is not None and flights is not None and flights.unremovable_knock and not plain.unremovable_knock
     (first, second) = flights.knocks_s  # 50 bins of five samples to the touch, the others from the release on
     assert first == pytest.approx((TIME_S[50], TIME_S[69])) and second == pytest.approx((TIME_S[350], TIME_S[359]))
     loud = motion.displacement_m.copy()

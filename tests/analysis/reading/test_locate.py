@@ -8,8 +8,8 @@ import pytest
 
 from analysis.reading.locate import (
     _contact_samples,
+    _extrapolated_release,
     _faded_to,
-    _fades,
     _filled,
     _refined_touch,
     _slows,
@@ -221,7 +221,7 @@ def test_a_force_that_fades_ends_where_its_half_sine_does(lost: float, smoothed:
         turn = int(x.argmax())
         force = -_smooth_acceleration(x, width)[turn:]
         seen = force[: int(np.flatnonzero(force < lost * force[0])[0]) + 1]
-        half, std = _fades(seen / force[0], lost, width)
+        half, std = _extrapolated_release(seen / force[0], lost, width)
         assert turn + half == pytest.approx(contact + end, abs=off * contact)
         fades = np.arcsin(max(lost, 0.15)) / np.pi * contact
         assert std == pytest.approx(np.linalg.norm((0.05 * fades, 0.01 * width, 0.5)), rel=0.3)
@@ -234,9 +234,9 @@ def test_a_force_that_is_seen_for_longer_or_less_than_a_half_sine_ends_where_it_
     force /= force[0]
     lost = round(half * _faded_to(0.03, 0.1))
     for size in (lost - 6, lost + 6):
-        assert _fades(force[:size], 0.03, width)[0] == pytest.approx(half, abs=1.5)
+        assert _extrapolated_release(force[:size], 0.03, width)[0] == pytest.approx(half, abs=1.5)
     for size in (lost - 9, lost + 9):
-        assert _fades(force[:size], 0.03, width) == (size - 6.0, 6.0)
+        assert _extrapolated_release(force[:size], 0.03, width) == (size - 6.0, 6.0)
 
 
 def test_a_contact_that_pulls_is_none() -> None:

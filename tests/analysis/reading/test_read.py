@@ -11,7 +11,7 @@ from analysis.reading.floor_spectrum import FloorSpectrum, Octaves
 from analysis.reading.locate import find_collision
 from analysis.reading.pulse import read_deflection, read_slope
 from analysis.reading.read import NoImpact, read_impact
-from analysis.reading.record_checks import where_it_went
+from analysis.reading.record_checks import describe_motion
 from analysis.shot.impact import Impact
 from analysis.shot.motion import Motion
 from analysis.shot.quantity import NotSeen, Quantity, Reading
@@ -127,14 +127,14 @@ def test_of_a_record_without_a_collision_it_is_said_where_the_block_went(speed: 
     time = np.arange(0.0, 0.06, 1e-5)
     shaken = 1e-6 * np.sin(2.0 * np.pi * 24.7 * time)  # by a building
     x = np.random.default_rng(0).normal(0.0, 1e-10, time.size) + speed * time + shaken
-    assert said in where_it_went(motion_from(time, x, RIG))
+    assert said in describe_motion(motion_from(time, x, RIG))
 
 
 def test_of_a_block_that_a_hand_turns_round_and_of_another_instrument_no_way_is_told() -> None:
     time = np.arange(0.0, 0.06, 1e-5)
     turned = np.random.default_rng(0).normal(0.0, 1e-10, time.size) + 0.002 * np.sin(2.0 * np.pi * 5.0 * time)
-    assert where_it_went(motion_from(time, turned, RIG)) == ""
-    assert where_it_went(replace(motion_from(time, 0.2 * time, RIG), wavelength_m=None)) == ""
+    assert describe_motion(motion_from(time, turned, RIG)) == ""
+    assert describe_motion(replace(motion_from(time, 0.2 * time, RIG), wavelength_m=None)) == ""
 
 
 def test_a_record_that_starts_inside_the_contact_is_refused(motion: Motion) -> None:

@@ -111,8 +111,11 @@ def test_a_cut_flight_is_flagged_where_it_is_shorter_than_40_ms_and_what_goes_on
     assert _flags(replace(SPAN, disturbed_after=True, flight_last=1099), calm, motion) == ["flight_cut"]
     assert _flags(replace(SPAN, disturbed_after=True, flight_last=1100), calm, motion) == ["goes_on"]
     assert _flags(SPAN, replace(calm, knocks_s=((0.01, 0.02),)), motion) == ["knock"]
-    assert _flags(SPAN, replace(calm, knocks_kept=True), motion) == ["knock"]
-    assert _flags(SPAN, replace(calm, lines=(line(50.0, 1e-6),), knocks_kept=True), motion) == ["vibration", "knock"]
+    assert _flags(SPAN, replace(calm, unremovable_knock=True), motion) == ["knock"]
+    assert _flags(SPAN, replace(calm, lines=(line(50.0, 1e-6),), unremovable_knock=True), motion) == [
+        "vibration",
+        "knock",
+    ]
 
 
 def test_vibration_matters_that_moves_with_4_ppm_of_the_velocity_or_makes_half_of_a_variance() -> None:

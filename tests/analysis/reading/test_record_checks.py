@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.reading.record_checks import _reversed, _speed, check_collision, where_it_went, why_reversed
+from analysis.reading.record_checks import _reversed, _speed, check_collision, describe_motion, describe_reversal
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError
 from tests.analysis.synthetic_collision import Synthetic, motion_from
@@ -58,14 +58,14 @@ def test_a_motion_is_reversed_whose_one_turn_is_a_top_that_stands_out() -> None:
 def test_of_the_optics_the_slower_flight_tells_whether_time_or_the_sense_is_reversed() -> None:
     for out, said in ((0.9, "the sense is reversed"), (1.1, "time runs backwards")):
         x = np.where(TIME_S < 0.05, TIME_S, 0.05 - out * (TIME_S - 0.05))
-        told = why_reversed(record(x, 633e-9))
+        told = describe_reversal(record(x, 633e-9))
         assert told is not None and said in told
-        assert why_reversed(record(-x, 633e-9)) is None
-        assert why_reversed(record(x)) is None
+        assert describe_reversal(record(-x, 633e-9)) is None
+        assert describe_reversal(record(x)) is None
     for known, told_of in ((199, False), (200, True)):
         x = np.full(TIME_S.size, np.nan)
         x[:known] = -np.abs(np.arange(known) - known // 2)
-        assert (why_reversed(record(x, 633e-9)) is not None) is told_of
+        assert (describe_reversal(record(x, 633e-9)) is not None) is told_of
 
 
 def test_a_speed_is_that_of_the_flight_though_a_contact_is_slower() -> None:
@@ -77,8 +77,8 @@ def test_a_speed_is_that_of_the_flight_though_a_contact_is_slower() -> None:
 
 @pytest.mark.parametrize(("travel_m", "rests"), [(0.9e-4, True), (1.1e-4, False)])
 def test_a_block_that_goes_less_than_a_tenth_of_a_millimetre_stands_still(travel_m: float, rests: bool) -> None:
-    said = where_it_went(record(travel_m * TIME_S / TIME_S[-1], 633e-9))
+    said = describe_motion(record(travel_m * TIME_S / TIME_S[-1], 633e-9))
     assert ("stands still" in said) is rests and ("leaves the plate" in said) is not rests
     for known in (199, 200):
         x = np.where(np.arange(TIME_S.size) < known, -TIME_S, np.nan)
-        assert ("at 1 m/s: the record ends" in where_it_went(record(x, 633e-9))) is (known == 200)
+        assert ("at 1 m/s: the record ends" in describe_motion(record(x, 633e-9))) is (known == 200)

@@ -125,7 +125,7 @@ def _without_wander(best: Fitted, one: Fitted, stop: Stop) -> Fitted:
     Such a noise absorbs what keeps a search from its minimum: of an effect of 80,000 norms the true, simpler one ended
     0.4 % off, with a noise that wandered by 1 nm, and was not even named as a look-alike.
     """
-    if not one.wanders_in_contact_alone or best.noise.wander:
+    if not one.wanders_only_in_contact or best.noise.wander:
         return one
     again = one.problem.with_noise(best.noise).fit(one.z, evaluations=_ANEW, cancelled=stop)
     return again if again.bic < one.bic else one

@@ -267,7 +267,7 @@ def test_a_fit_whose_noise_wanders_in_the_contact_alone_is_searched_again_under_
         return SimpleNamespace(fit=lambda z, *, evaluations, cancelled: again)
 
     one: Any = SimpleNamespace(
-        wanders_in_contact_alone=alone, bic=120.0, z="z", problem=SimpleNamespace(with_noise=with_noise)
+        wanders_only_in_contact=alone, bic=120.0, z="z", problem=SimpleNamespace(with_noise=with_noise)
     )
     assert module._without_wander(best, one, lambda: False) is (again if taken else one)
 

@@ -21,54 +21,69 @@ def _is(value: float, unit: str, meaning: str, source: str) -> Any:
 class Criteria:
     """The thresholds; ``rows`` gives each with its unit, meaning and source."""
 
-    least_fall: float = _is(10.0, "BIC", "fall for an effect to join, beside what the choice costs", _KASS)
-    cost_of_choice: float = _is(2.0, "BIC per ln(tried)", "price of the best of so many effects", "Bonferroni's bound")
+    least_fall: float = _is(10.0, "BIC", "fall for an effect to join, in addition to the cost of choice", _KASS)
+    cost_of_choice: float = _is(
+        2.0, "BIC per ln(tried)", "cost of choosing the best of the effects tried", "Bonferroni's bound"
+    )
     wandering_fall: float = _is(
-        12.0, "BIC", "more, where the noise still wanders", f"{_SIMULATED}: 2 of 85 clean sets came to 17 and 19"
+        12.0,
+        "BIC",
+        "additional fall while the noise still wanders",
+        f"{_SIMULATED}: 2 of 85 clean sets came to 17 and 19",
     )
     several_fall: float = _is(
         92.0,
         "BIC",
-        "fall that each of several must bring",
+        "fall that each of several effects must bring",
         f"{_SIMULATED}: imitations 21 to 85, true pairs 100",
     )
-    most_effects: int = _is(3, "effects", "that may join at once", "three fit almost anything smooth")
-    least_lead: float = _is(6.0, "BIC", "lead below which the runner-up is named beside", "Kass and Raftery: strong")
-    same_end: float = _is(1.0, "BIC", "searches of one fit end this near each other", _SIMULATED)
-    nearly: float = _is(20.0, "BIC", "behind the best and still asked where the best misses something", _SIMULATED)
-    stands_out: float = _is(5.0, "noise norms", "size of a lone effect beside all other parameters", "five sigma")
+    most_effects: int = _is(3, "effects", "most that may join at once", "three fit almost anything smooth")
+    least_lead: float = _is(6.0, "BIC", "lead below which the runner-up is also named", "Kass and Raftery: strong")
+    same_end: float = _is(1.0, "BIC", "difference below which two fits are equally good", _SIMULATED)
+    nearly: float = _is(20.0, "BIC", "most behind the best for a candidate that is still tested", _SIMULATED)
+    stands_out: float = _is(5.0, "noise norms", "size of a single effect given all other parameters", "five sigma")
     one_of_two: float = _is(12.0, "noise norms", "size of each of two effects", f"{_SIMULATED}: faint pairs imitate")
     one_of_three: float = _is(
-        30.0, "noise norms", "size of each of three", f"{_SIMULATED}: a slipping clamp looked like three of 18 to 26"
+        30.0,
+        "noise norms",
+        "size of each of three effects",
+        f"{_SIMULATED}: a slipping clamp looked like three of 18 to 26",
     )
-    separation: float = _is(5.0, "noise norms", "left beside a look-alike, SNR sqrt(1 - cos^2)", "five sigma")
-    undetermined: int = _is(5, "look-alikes", "more than these are no class", _CONVENTION)
-    further_off: float = _is(1.02, "ratio", "of held-out rms after to before, at most", _SIMULATED)
-    clear_of_rest: float = _is(2.0, "ratio", "size of an effect to what it leaves over", _CONVENTION)
+    separation: float = _is(
+        5.0, "noise norms", "size that remains given a look-alike, SNR sqrt(1 - cos^2)", "five sigma"
+    )
+    undetermined: int = _is(5, "look-alikes", "most that an effect whose form is determined may have", _CONVENTION)
+    further_off: float = _is(1.02, "ratio", "largest validation rms after, over that before", _SIMULATED)
+    clear_of_rest: float = _is(2.0, "ratio", "least size of an effect over that of the residual", _CONVENTION)
     clear_of_misfit: float = _is(
-        100.0, "ratio", "the same where the law itself does not fit", "a law right to a hundredth"
+        100.0, "ratio", "the same if several effects join or a misfit remains", "a law right to a hundredth"
     )
-    freedom_chance: float = _is(3e-3, "probability", "that a right fit has use for any freedom", "three sigma")
-    shape_chance: float = _is(1e-3, "probability", "that noise has a shape that all shots share", _CONVENTION)
-    wandering_gain: float = _is(3.0, "ratio", "of chance gains beside a noise that wanders", _SIMULATED)
+    freedom_chance: float = _is(3e-3, "probability", "that a correct fit uses any freedom", "three sigma")
+    shape_chance: float = _is(1e-3, "probability", "that noise has a shape common to all shots", _CONVENTION)
+    wandering_gain: float = _is(3.0, "ratio", "increase of chance gains if the noise wanders", _SIMULATED)
     small_sample: float = _is(
-        1.35, "ratio", "of a shared shape's quantiles to chi^2's", "bootstrap of 3 shots of 60 ms"
+        1.35, "ratio", "of a common shape's quantiles to those of chi^2", "bootstrap of 3 shots of 60 ms"
     )
     own_flights: float = _is(
-        0.05, "probability", "that no law of all shots bends flights so: below it their own are tried", _CONVENTION
+        0.05,
+        "probability",
+        "that common laws fit the flights; below it, accelerations per flight are tried",
+        _CONVENTION,
     )
-    rough_correlation: float = _is(0.15, "1", "autocorrelation of what is no noise at all", _SIMULATED)
-    rough_ratio: float = _is(2.5, "ratio", "of power in the loudest phase to the quietest, the same", _SIMULATED)
-    law_fall: float = _is(
-        28.0, "BIC", "fall for a law to be learned from the shots", "as an effect beside ten thousand"
+    rough_correlation: float = _is(0.15, "1", "autocorrelation above which a residual is not noise", _SIMULATED)
+    rough_ratio: float = _is(
+        2.5, "ratio", "of power, strongest to weakest phase, above which it is not noise", _SIMULATED
     )
-    form_excluded: float = _is(10.0, "BIC", "behind the best form: the shots exclude a form so far off", _KASS)
-    form_meets: float = _is(12.0, "BIC", "behind the free curve: a form so far off is not the law", _KASS)
+    law_fall: float = _is(28.0, "BIC", "fall for a law to be learned from the shots", "as an effect among ten thousand")
+    form_excluded: float = _is(10.0, "BIC", "behind the best form: from here on the shots exclude a form", _KASS)
+    form_meets: float = _is(12.0, "BIC", "behind the free curve: from here on a form is not the law", _KASS)
     site_nm: float = _is(
-        20.0, "nm", "rms of what shakes at random, above which it may be a building's",
+        20.0, "nm", "rms of random motion above which it may be a building's",
         "a quiet bench whose path wanders: 14; VC-G, two rigs: 23 to 150",
     )  # fmt: skip
-    drawn_far: float = _is(1e6, "chi^2 a sample", "of a base fit that did not even arrive", _SIMULATED)
+    drawn_far: float = _is(
+        1e6, "chi^2 per sample", "of an unconverged base fit, above which the search starts from readings", _SIMULATED
+    )
 
     def fall(self, tried: int, *, wandering: bool = False) -> float:
         """Return by how much the best of ``tried`` effects must lower the BIC to join."""

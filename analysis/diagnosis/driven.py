@@ -78,7 +78,7 @@ def diagnose_driven(
     before = _halves(split, accepted_names, searched.found.nonlinear, mass_check)
     after = _halves(split, searched.found.laws, searched.found.nonlinear, mass_check)
     repeatability = repeatability_of(table, after.whole, filtered_noise_n(motions, table.stretches, after.whole))
-    tell("telling look-alikes apart", 0.9)
+    tell("distinguishing look-alikes", 0.9)
     effects = tuple(_found(split, after.whole, searched, law) for law in after.whole.laws if law not in accepted_names)
     explained = after.whole.rms_n <= EXPLAINED_RATIO * repeatability.force_n
     seconds = time.perf_counter() - began

@@ -20,9 +20,9 @@ def sentence(diagnosis: Diagnosis, drive: DriveEvidence) -> str:
         on_half = f", {held_out.force_rms_n:.3g} N on the validation half" if held_out is not None else ""
         text = f"The drive has {listed}. Force error {before_n:.3g} -> {after_n:.3g} N rms{on_half}; {against}."
     elif diagnosis.verdict is Verdict.ADEQUATE:
-        text = f"Adequate: mass, viscous drag and offset leave nothing to speak of; {against}."
+        text = f"Adequate: mass, viscous drag and offset explain the force; {against}."
     else:
-        text = f"Unexplained: {before_n:.3g} N rms remain and no law of the catalogue predicts them; {against}."
+        text = f"Unexplained: {before_n:.3g} N rms remain and no catalogue law predicts them; {against}."
     return f"{text} {_mass(drive.mass)}".strip()
 
 
@@ -48,7 +48,7 @@ def effect(found: FoundEffect, fit: Fit) -> str:
     """Describe one law of a drive's ``fit`` in words and numbers."""
     numbers = ", ".join(f"{parameter_words(name)} {quantity(name, value)}" for name, value in found.parameters.items())
     others = found.indistinguishable_from
-    alike = f" (as well: {', '.join(other.short_words for other in others)})" if others else ""
+    alike = f" (indistinguishable from: {', '.join(other.short_words for other in others)})" if others else ""
     law = LAWS[found.name]
     return f"{law.short_words}, {law.formula}: {numbers}{_meaning(law.name, found.parameters, fit.parameters)}{alike}"
 
@@ -63,7 +63,7 @@ def _meaning(law: str, parameters: Mapping[str, Quantity], of_fit: Mapping[str, 
         return f": friction {way} from {sliding:.3g} to {at_rest:.3g} N towards rest, below some {speed:.2g} mm/s"
     if law == "drive_delay":
         late = parameters["time_s"].value
-        way = "later" if late > 0.0 else "before it is told"
+        way = "later" if late > 0.0 else "earlier"
         return f": the motion answers the force {1e3 * abs(late):.2g} ms {way}"
     if law == "directional_viscous_drag":
         drag, more = of_fit["viscous_coefficient_n_s_per_m"].value, parameters["coefficient_n_s_per_m"].value
@@ -77,11 +77,11 @@ def _meaning(law: str, parameters: Mapping[str, Quantity], of_fit: Mapping[str, 
 def blind_spots(drive: DriveEvidence) -> tuple[str, ...]:
     """Return the detection limits of these records, among them the bandwidth of the comparison."""
     out = [
-        f"anything faster than {drive.bandwidth_hz:.3g} Hz: up to there the motion stands clear of its noise, and "
+        f"anything faster than {drive.bandwidth_hz:.3g} Hz: up to there the motion exceeds its noise, and "
         "force and motion are compared through the same filter",
-        "a constant force of the drive and a tilt of the guide are one number here: the offset",
+        "a constant force of the drive and a tilt of the guide are indistinguishable: their sum is the offset",
     ]
-    mixed = "of any size: in this motion it is a mixture of what is in the model"
+    mixed = "of any size: in this motion it is a linear combination of effects in the model"
     out += [f"{law.short_words} {mixed}" for law in drive.unidentifiable]
     if drive.mass.stated is None:
         out.append("an error of the force's scale only rescales mass, drag and friction")
@@ -105,8 +105,8 @@ def remainder(left_n: float, drive: DriveEvidence) -> str:
     return "; ".join(
         [
             f"{left_n:.3g} N rms remain, {_repeats(left_n, drive)}",
-            f"{left.direction:.0%} of their power goes with the direction of motion",
-            f"{left.place:.0%} with the place along the guide",
-            f"{left.reversals:.0%} stand in the {left.reversal_samples:.0%} of samples around reversals",
+            f"{left.direction:.0%} of their power is correlated with the direction of motion",
+            f"{left.place:.0%} with the position along the guide",
+            f"{left.reversals:.0%} occurs in the {left.reversal_samples:.0%} of samples around reversals",
         ]
     )

@@ -64,7 +64,7 @@ def explain_with_effects(
     question: DiagnosisInput, trail: Trail, settled: GatedFit, held_out: tuple[int, ...]
 ) -> Explanation:
     """Name the effects of a settled fit that pass every gate, after removing those that its residual puts in doubt."""
-    question.progress("telling look-alikes apart", 0.8)
+    question.progress("distinguishing look-alikes", 0.8)
     best, linearised, separations, residual = settled.best, settled.linearised, settled.separations, settled.residual
     while True:
         sure = with_std_over(best.with_marginal_covariance(), at_other_scales(best, trail))

@@ -49,12 +49,12 @@ def in_words(diagnosis: Diagnosis) -> Wording:
 
 _STANDINGS = {
     Standing.IN_MODEL: "among the effects found",
-    Standing.SCORED_ONLY: "scored only",
-    Standing.DOES_NOT_PAY: "does not pay",
-    Standing.BEHIND_ANOTHER: "another does better",
+    Standing.SCORED_ONLY: "scored to first order only",
+    Standing.DOES_NOT_PAY: "BIC not lowered",
+    Standing.BEHIND_ANOTHER: "another candidate fits better",
     Standing.VALIDATED: "force error {number:.3g} N on the validation half",
-    Standing.MIXTURE: "not identifiable: in this motion it is a mixture of what is in the model",
-    Standing.RESCALES: "not identifiable: while no mass is stated it only rescales mass, drag and friction",
+    Standing.MIXTURE: "not identifiable: in this motion it is a linear combination of effects in the model",
+    Standing.RESCALES: "not identifiable: without a stated mass it only rescales mass, drag and friction",
     Standing.MASS_AGREES: "the stated mass agrees",
     Standing.MASS_DIFFERS: "the same as a mass of {number} kg",
 }
@@ -73,7 +73,7 @@ def prediction_words(foretold: "PredictionTest") -> str:
     before, after = (e.force_rms_n if driven else 1e6 * e.displacement_rms_m for e in (base, model))
     unit = "N" if driven else "µm"
     share = 1.0 - after / before if before > 0.0 else -math.inf
-    how = "better" if share > 0.0 else "not better"
-    better = f"foretold {how} by {abs(share):.0%}" if math.isfinite(share) else f"foretold {how}"
+    how = "better" if share > 0.0 else "worse"
+    better = f"predicted {how} by {abs(share):.0%}" if math.isfinite(share) else f"predicted {how}"
     shots = f"{count} shot{'' if count == 1 else 's'}"
-    return f"{better}: {after:.3g} {unit} rms against {before:.3g} {unit} of the base alone, over {shots}"
+    return f"{better}: {after:.3g} {unit} rms against {before:.3g} {unit} of the base model, over {shots}"

@@ -12,28 +12,28 @@ CLASSES = {
     frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",
     frozenset({"plate_damping", "viscoelastic_arm"}): "a loss in the plate whose form is undetermined",
     frozenset({"cubic_stiffness", "contact_exponent"}): "a stiffness that grows with the load",
-    frozenset({"support_compliance", "second_plate_mode"}): "a plate of two modes, whose second has two readings",
+    frozenset({"support_compliance", "second_plate_mode"}): "a second plate mode with two interpretations",
 }
 FREEDOMS = {
-    Freedom.KINKS: "kinks where the bodies meet, turn or part",
-    Freedom.KINKS_WITH_SPEED: "kinks that grow with the speed",
-    Freedom.BASE_PER_SHOT: "plate and contact that differ from shot to shot",
+    Freedom.KINKS: "kinks at touch, turnaround or release",
+    Freedom.KINKS_WITH_SPEED: "kinks whose size grows with speed",
+    Freedom.BASE_PER_SHOT: "plate and contact parameters that differ from shot to shot",
     Freedom.EFFECT_PER_SHOT: "an effect that differs from shot to shot",
-    Freedom.EFFECT_AFTER_TURN: "an effect that is another one after the turn",
-    Freedom.SPEED_AGAINST_MOTION: "a force of the speed, against the motion",
-    Freedom.SPEED_ONE_WAY: "a force of the speed, one way",
-    Freedom.PLACE: "a force of the place",
-    Freedom.BEND: "a force of the plate's bend",
-    Freedom.BEND_AGAINST_MOTION: "a force of the plate's bend, against the motion",
+    Freedom.EFFECT_AFTER_TURN: "an effect that differs after the turnaround",
+    Freedom.SPEED_AGAINST_MOTION: "a speed-dependent force opposing the motion",
+    Freedom.SPEED_ONE_WAY: "a speed-dependent force of fixed direction",
+    Freedom.PLACE: "a position-dependent force",
+    Freedom.BEND: "a force that depends on the plate's deflection",
+    Freedom.BEND_AGAINST_MOTION: "a force that depends on the plate's deflection, opposing the motion",
 }
 _REDUCED = 0.995  # residual after over residual before: above this, no reduction is reported
 # effects that are physically identical, wholly or in a limit: there, no shot of any rig can distinguish them
 EQUIVALENT_EFFECTS = {
     frozenset({"plate_damping", "viscoelastic_arm"}): (
-        "an arm that relaxes faster than the plate moves is a dashpot of k tau: one loss, two readings"
+        "an arm that relaxes faster than the plate moves is equivalent to a dashpot of k tau"
     ),
     frozenset({"support_compliance", "second_plate_mode"}): (
-        "a clamp that gives and a second mode are the same plate with two modes, seen from the block: one, two readings"
+        "a compliant clamp and a second plate mode are equivalent for the block: both make a plate with two modes"
     ),
 }
 
@@ -67,7 +67,7 @@ def found(one: FoundEffect) -> str:
         numbers = ", ".join(f"{parameter_words(key)} {quantity(key, q)}" for key, q in told.items())
     if len(others) > CRITERIA.undetermined:
         best = f"{effect.short_words}: {numbers}"
-        return f"a further small effect whose form this data does not determine (best as {best})"
+        return f"a further small effect whose form these data do not determine (best fit: {best})"
     if others:
         group = frozenset(other.name for other in (effect, *others))
         klass = next((words for names, words in CLASSES.items() if group <= names), "")
@@ -79,9 +79,9 @@ def found(one: FoundEffect) -> str:
 def learned(law: LearnedLaw) -> str:
     """Return the sentence of a learned law."""
     what = f"a force on the {law.where}" if law.where != "contact" else "a force between block and plate"
-    what += " while they touch" if law.form == "constant" else f" that follows the {law.argument}"
+    what += " while they touch" if law.form == "constant" else f" as a function of {law.argument}"
     if law.form is None:
-        return f"{what}, by no closed form that was tried (nearest: {law.nearest_form})"
+        return f"{what}, which matches no tested closed form (nearest: {law.nearest_form})"
     numbers = ", ".join(f"{name} {quantity(name, q, unit)}" for name, (q, unit) in law.parameters.items())
     others = [
         o.form + (f" in the {o.argument}" if (o.where, o.argument) != (law.where, law.argument) else "")
@@ -105,23 +105,23 @@ def sentence(diagnosis: Diagnosis) -> str:
 def _verdict(diagnosis: Diagnosis) -> str:
     verdict, effects, laws = diagnosis.verdict, diagnosis.effects, diagnosis.laws
     if verdict is Verdict.ADEQUATE:
-        return "The model is adequate: nothing is missing that this data could show." + _trace(diagnosis.remainder)
+        return "The model is adequate: no missing effect within the detection limits." + _trace(diagnosis.remainder)
     left = remainder(diagnosis.remainder)
     if verdict is Verdict.UNEXPLAINED:
-        tried = " that no effect of the catalogue accounts for"
-        untried = ", and there was no time to try the effects of the catalogue"
-        return f"Unexplained: something is missing{tried if diagnosis.compared else untried}: {left}."
+        tried = " and no catalogue effect accounts for it"
+        untried = " and the catalogue was not tried within the time limit"
+        return f"Unexplained: the residual is significant{tried if diagnosis.compared else untried}: {left}."
     named = " and ".join([*map(found, effects), *map(learned, laws)])
     if verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
         return f"The model lacks {named}."
     alike = " and ".join(map(found, diagnosis.imitated_by))
-    parts = [f"the model lacks {named}"] if effects else [f"what is missing is mostly like {named}"] if laws else []
+    parts = [f"the model lacks {named}"] if effects else [f"the residual mostly resembles {named}"] if laws else []
     if alike:
         parts.append(
-            f"what {'remains' if parts else 'is missing'} is mostly like {alike}, which did not pass every test"
+            f"the {'remaining residual' if parts else 'residual'} mostly resembles {alike}, which failed a test"
         )
     elif diagnosis.remainder is None:
-        parts.append("it did not pass every test")
+        parts.append("it failed a test")
     parts.append(left if diagnosis.remainder is None else f"a significant residual remains: {left}")
     return f"Partly explained: {'; '.join(parts)}."
 
@@ -131,7 +131,7 @@ def _trace(left: Remainder | None) -> str:
     if left is None or left.looks_like is None:
         return ""
     return (
-        f" A trace that looks like {FREEDOMS[left.looks_like]} ({left.norms:.1f} noise norms) is too faint to be told"
+        f" A trace that resembles {FREEDOMS[left.looks_like]} ({left.norms:.1f} noise norms) is too weak to distinguish"
         " from noise."
     )
 
@@ -140,19 +140,19 @@ def remainder(left: Remainder | None) -> str:
     """Describe the residual of a collision model."""
     if left is None:
         return "residual consistent with noise"
-    size = f"{_nm(left.rms_m)} rms in displacement" if left.rms_m > 0.0 else "in all no rms in displacement"
+    size = f"{_nm(left.rms_m)} rms in displacement" if left.rms_m > 0.0 else "no net rms displacement"
     phases = "".join(f", {phase.value.replace('_', ' ')} {_nm(rms_m)}" for phase, rms_m in left.phases)
     parts = [f"{size} above the white noise of {_nm(left.noise_m)}{phases}"]
     if left.speed_power is not None:
-        parts.append(f"its size goes as the speed to the power {left.speed_power:.1f}")
+        parts.append(f"its size scales as speed^{left.speed_power:.1f}")
     if left.line_hz is not None:
-        parts.append(f"a line stands at {left.line_hz:.0f} Hz")
+        parts.append(f"spectral line at {left.line_hz:.0f} Hz")
     if left.imitated_by:
         imitating = " with ".join(effect.short_words for effect in left.imitated_by)
-        parts.append(f"best imitated by {imitating}, which did not pass every test")
+        parts.append(f"best imitated by {imitating}, which failed a test")
     if left.looks_like is not None:
-        what = "the residual beside them" if left.imitated_by else "it"
-        parts.append(f"{what} looks like {FREEDOMS[left.looks_like]} ({left.norms:.0f} noise norms)")
+        what = "the remaining residual" if left.imitated_by else "it"
+        parts.append(f"{what} resembles {FREEDOMS[left.looks_like]} ({left.norms:.0f} noise norms)")
     return "; ".join(parts)
 
 
@@ -179,7 +179,7 @@ def nuisance_sentence(fit: Fit) -> str:
         f"{parameter_words(full.split('.')[1])} the contact {min(v):.2g} to {max(v):.2g}" for full, v in own.items()
     ]
     name, _, parameter = next(iter(own)).partition(".")
-    return f" Each shot has its own {NUISANCES[name].short_words}: {', '.join(spans)} {unit_of(parameter)}."
+    return f" Fitted per shot: {NUISANCES[name].short_words}, {', '.join(spans)} {unit_of(parameter)}."
 
 
 def blind_spots(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -205,7 +205,9 @@ def separating_shot(diagnosis: Diagnosis) -> str:
 def _separating(effect: Effect, others: Sequence[Effect], speeds: Sequence[float]) -> str:
     fast, slow = max(speeds), min(speeds)
     if any(one.at_rest for one in (effect, *others[:1])):
-        return f"a slow shot, at {0.3 * slow:.2g} m/s, recorded for as long as it flies: what drifts grows with time"
+        return f"a slow shot at {0.3 * slow:.2g} m/s, recorded over the whole flight: drift effects grow with time"
     if fast < 1.6 * slow:
-        return f"two more, at {0.5 * slow:.2g} m/s and at {1.6 * fast:.2g} m/s: each goes with the speed its own way"
+        return (
+            f"two more shots, at {0.5 * slow:.2g} and {1.6 * fast:.2g} m/s: the candidates depend differently on speed"
+        )
     return f"two more shots at {1.5 * fast:.2g} m/s, and more than one at {slow:.2g} m/s"

@@ -113,7 +113,7 @@ def tune(
         edge = "zero" if 4 * middle < sample_rate_hz else f"the Nyquist frequency of {sample_rate_hz / 2e6:g} MHz"
         raise AnalysisError(
             f"beat between {lowest / 1e6:.4g} and {highest / 1e6:.4g} MHz comes too near {edge}: "
-            "its mirror image cannot be told from it"
+            "it is indistinguishable from its mirror image"
         )
     _, decimation, window = best
     window.flags.writeable = False

@@ -225,7 +225,7 @@ class ShotSources:
         known, air = self._instrument, setup.air
         if air is not None:
             stds = (known.air_temperature_u_k, known.air_pressure_u_pa, known.air_humidity_u_percent)
-            how = "sensor beside the beam"
+            how = "sensor near the beam"
         else:
             air = STANDARD_AIR
             stds = (known.room_temperature_u_k, known.room_pressure_u_pa, known.room_humidity_u_percent)
@@ -252,7 +252,7 @@ class ShotSources:
             own = self._shot.setup.rest_frequency_u_hz if self._shot.setup is not None else None
             moved = self._rate_error * rest.value if isinstance(rest, Quantity) else 0.0
             std, kind = math.hypot(own or self._instrument.rest_frequency_u_hz, moved), "B"
-            how = "given, not recorded beside the shot"
+            how = "given, not recorded with the shot"
         elif isinstance(rest, Quantity):
             std, kind, how = rest.std, "A", rest.how
         else:

@@ -191,13 +191,13 @@ def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> Budg
             ):
                 readings.append((v.value, reading.value, reading.std))
     if len(readings) < 2:
-        return BudgetRow("repeatability", "A", None, unit, 1.0, "not seen: no other shot at a like speed")
+        return BudgetRow("repeatability", "A", None, unit, 1.0, "not measured: no other shot at similar speed")
     speeds, values, stds = (np.array(column) for column in zip(*readings, strict=True))
     # a trend with speed is not scatter: with enough shots a line is subtracted
     sloped = len(readings) >= ENOUGH_FOR_A_LINE and np.ptp(speeds) > ONE_SPEED * speeds.mean()
     spread = excess_spread(values, stds, 1 if sloped else 0, speeds - speeds.mean())
     about = " about their line over speed" if sloped else ""
-    how = f"scatter of {len(readings)} shots at a like speed{about}, beyond their own noise"
+    how = f"scatter of {len(readings)} shots at similar speed{about}, beyond their own noise"
     return BudgetRow("repeatability", "A", spread, unit, 1.0, how)
 
 

@@ -47,7 +47,7 @@ def judged_band(shot: Shot, diagnosis: Diagnosis | None) -> tuple[NoiseBand, str
     """Return the band that decided a shot's verdict, and its name; without a diagnosis the shot's own band."""
     band = band_of(shot)
     if diagnosis is None:
-        return band, "noise, wander and building"
+        return band, "noise, path drift and floor vibration"
     displacement_m, words = diagnosed_band(diagnosis, shot)
     return replace(band, displacement_m=displacement_m), words
 
@@ -98,10 +98,10 @@ def diagnosed_band(diagnosis: Diagnosis, shot: Shot) -> tuple[Floats, str]:
     explained = diagnosis.verdict not in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
     sway_m = _frame_in(diagnosis.fit_after, shot)
     if explained and sway_m is not None:
-        return np.hypot(learned_m, sway_m), "noise and building as all shots show them"
+        return np.hypot(learned_m, sway_m), "noise and floor vibration, from all shots"
     if explained and learned_m > WANDERS * white_m:
-        return np.full_like(motion.displacement_m, learned_m), "noise as all shots show it"
-    return band_of(shot).displacement_m, "noise and building"
+        return np.full_like(motion.displacement_m, learned_m), "noise, from all shots"
+    return band_of(shot).displacement_m, "noise and floor vibration"
 
 
 def _frame_in(fit: Fit, shot: Shot) -> Floats | None:

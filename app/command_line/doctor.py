@@ -67,7 +67,7 @@ def _kernels() -> Check:
     size = sum(file.stat().st_size for file in folder.rglob("*.nb*")) / 1e6
     if complete():
         return Check("compiled code", Grade.OK, f"complete, {size:.0f} MB in {folder}")
-    return Check("compiled code", Grade.OK, f"not complete, {size:.0f} MB in {folder}; levimass --prepare makes it so")
+    return Check("compiled code", Grade.OK, f"not complete, {size:.0f} MB in {folder}; levimass --prepare completes it")
 
 
 def _log() -> Check:
@@ -88,9 +88,9 @@ def prepare(jobs: int | None = None) -> int:
         return 0
     began = time.monotonic()
     if not compile_all(progress_lines(), lambda: False, at_once=jobs):
-        say("not everything could be compiled; the rest is compiled when it is needed")
+        say("not all kernels could be compiled; the others are compiled on first use")
         return 1
-    print(f"levimass: compiled in {time.monotonic() - began:.0f} s, kept in {cache_folder()}")
+    print(f"levimass: compiled in {time.monotonic() - began:.0f} s, cached in {cache_folder()}")
     return 0
 
 

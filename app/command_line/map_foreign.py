@@ -70,7 +70,7 @@ def map_foreign(
         elif channels is not None:
             _map_beats(path, channels, volts, given, for_folder)
         elif volts or for_folder or replace(given, rate_hz=None) != MapOptions():
-            raise WrongOption("which channel is which? --channel measurement=NAME")
+            raise WrongOption("assign the channels with --channel measurement=NAME")
         else:
             print(_listing(foreign_channels(path)))
     except WrongOption as error:
@@ -110,7 +110,7 @@ def _map_beats(
     write_mapping(mapping, mapping_file)
     trigger = "" if shot.trigger_sample is None else f", light switch at sample {shot.trigger_sample}"
     print(f"{path}: {shot.samples} samples at {shot.sample_rate_hz:g} samples/s{trigger}")
-    print(f"remembered in {mapping_file}")
+    print(f"mapping saved in {mapping_file}")
 
 
 def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given: MapOptions) -> None:
@@ -132,7 +132,7 @@ def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given
     assert record.displacement_m is not None
     span = float(np.ptp(record.displacement_m))
     print(f"{path}: {record.time_s.size} rows, displacement in {unit} over {span:.6g} m")
-    print(f"remembered in {mapping_file}")
+    print(f"mapping saved in {mapping_file}")
 
 
 def _pairs(given: Sequence[str] | None) -> dict[Role, str]:
@@ -142,7 +142,7 @@ def _pairs(given: Sequence[str] | None) -> dict[Role, str]:
         if role not in tuple(Role) or not equals or not value:
             raise WrongOption(f"{item!r} is not ROLE=..., ROLE being one of {', '.join(Role)}")
         if role in pairs:
-            raise WrongOption(f"a second {role}")
+            raise WrongOption(f"{role} is given twice")
         pairs[Role(role)] = value
     return pairs
 
@@ -175,7 +175,7 @@ def _listing(contents: ForeignContents) -> str:
     else:
         name = shlex.quote(contents.channels[0].name)
         more = "" if contents.channels[0].sample_rate_hz else " --rate HZ"
-        lines.append("no mapping is remembered; say which channel is which, for example")
+        lines.append("no mapping is saved; assign the channels, for example")
         path = shlex.quote(str(contents.path))
         lines.append(f"  levimass --map {path} --channel measurement={name} --mass 0.01785 --rest 2.73e6{more}")
         lines += _positions(contents)
@@ -190,7 +190,7 @@ def _positions(contents: ForeignContents) -> list[str]:
     channel = next((c for c in contents.channels if length_unit(c)), contents.channels[0])
     name, unit = shlex.quote(channel.name), "" if length_unit(channel) else " --unit mm"
     return [
-        "are these positions, not beats? Then say which column is the displacement (and its unit: m, mm, um or nm)",
+        "are these positions, not beats? Then name the displacement column (and its unit: m, mm, um or nm)",
         f"  levimass --map {shlex.quote(str(table))} --channel displacement={name}{unit} --mass 0.1",
         "or make it a motion record: name its columns time_s and displacement_m (or",
         f"velocity_m_per_s, force_n), and write {table.with_suffix('.toml').name} beside it, for example",

@@ -57,7 +57,7 @@ def _numbers(text: str) -> tuple[float, ...]:
     except ValueError:
         found = []
     if not found or not all(math.isfinite(value) and value >= 0.0 for value in found):
-        raise argparse.ArgumentTypeError(f"{text!r} is no list of numbers such as 0.05,0.2")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a list of numbers such as 0.05,0.2")
     return tuple(found)
 
 
@@ -166,18 +166,18 @@ GROUPS = (
     )),
     Group("with --replay", ("replay",), (
         Option("--json", "write the result (- for standard output)", "FILE", _name),
-        Option("--export", "write CSV: one motion file a shot, and shots.csv", "DIR", _path),
-        Option("--hdf5", "with --export: a motion file a shot in HDF5 too"),
-        Option("--report", "write a report that prints: one HTML file", "FILE", _path),
+        Option("--export", "write CSV: one motion file per shot, and shots.csv", "DIR", _path),
+        Option("--hdf5", "with --export: each motion file in HDF5 too"),
+        Option("--report", "write a printable report: one HTML file", "FILE", _path),
         Option("--no-diagnose", "stop after the base model's fit"),
-        Option("--plan", "which shots to take next: those that decide, or that halve the ± of a parameter (or of all)",
+        Option("--plan", "plan the next shots: they distinguish the candidates or halve the ± of PARAMETER (or of all)",
                "PARAMETER", str, _OPTIONAL),
-        Option("--unchecked", "leave out the comparison of data and SHA-512 (faster)"),
+        Option("--unchecked", "skip the SHA-512 check of the data (faster)"),
         *map(_of_setting, CHOSEN),
         Option("--model", f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)", "NAME", str),
-        Option("--foretell", "test the model file, unchanged, on these shots"),
+        Option("--foretell", "test the predictions of the model file, without refitting, on these shots"),
         Option("--law", "a law of your own (TOML) that the diagnosis tries too", "FILE", _path, _EACH),
-        Option("--save-model", "write the model that the diagnosis found", "FILE", _path),
+        Option("--save-model", "save the diagnosed model", "FILE", _path),
         Option("--jobs", "a campaign over N processes, resumable", "N", _positive_int),
         Option("--scheduler", "a campaign over the machines of a dask scheduler", "ADDRESS", str),
         Option("--insecure", "with --scheduler: allow another machine without TLS"),
@@ -189,35 +189,35 @@ GROUPS = (
         Option("--source", "%(later)s", "SOURCE", str, later=_sources),
         Option("--out", "folder for the recordings", "DIR", _path),
         Option("--rate", "sample rate", "HZ", _positive),
-        Option("--samples", "samples a channel and shot", "N", _positive_int),
+        Option("--samples", "samples per channel and shot", "N", _positive_int),
         Option("--timeout", "longest wait for a shot (60)", "S", _positive, {"default": 60.0}),
-        Option("--resolve", "diagnose, and take up to M shots that decide (--json FILE)", "M", _positive_int),
+        Option("--resolve", "diagnose, then take up to M distinguishing shots (--json FILE)", "M", _positive_int),
     )),
-    Group("what the rig can do: with --plan or --resolve (else 0.05 to 0.6 m/s, 50 g, 12 mm)", ("replay", "acquire"), (
+    Group("range of the rig, with --plan or --resolve (default: 0.05 to 0.6 m/s, 50 g, 12 mm)", ("replay", "acquire"), (
         Option("--speeds", "speeds that a planned shot may have", "M/S,...", _speeds),
-        Option("--weights", "weights that can be put on the block; 0: none", "KG,...", _numbers),
+        Option("--weights", "masses that can be added to the block; 0: none", "KG,...", _numbers),
         Option("--run-up", "free flight before the plate", "M", _positive),
     )),
     Group("with --map (and --rate)", ("map",), (
         Option("--channel", "measurement, reference or switch; or displacement", "ROLE=NAME", str, _EACH),
         Option("--unit", "of a displacement: m, mm, um or nm (as its header says)", "UNIT", _name),
-        Option("--volts", "volts of one stored unit", "ROLE=VOLTS", str, _EACH),
+        Option("--volts", "volts per stored unit", "ROLE=VOLTS", str, _EACH),
         Option("--mass", "mass of the moving part", "KG", _positive),
-        Option("--rest", "rest frequency, where no channel is the reference", "HZ", _positive),
+        Option("--rest", "rest frequency, needed without a reference channel", "HZ", _positive),
         Option("--wavelength", "wavelength in air (632.8e-9)", "M", _positive),
-        Option("--bits", "bits of the digitizer, where counts are stored", "N", _positive_int),
+        Option("--bits", "resolution of the digitizer in bits, if the file stores counts", "N", _positive_int),
         Option("--for-folder", "for every file of this format in the folder"),
     )),
     Group("with --simulate", ("simulate",), (
         Option("--shots", "shots to simulate (3)", "N", _positive_int, {"default": 3}),
         Option("--seed", "seed of the draw (1)", "S", _whole, {"default": 1}),
         Option("--effect", "an effect the base model lacks", "NAME:PARAMETER=VALUE,...", str),
-        Option("--undeclared", "draw a hidden effect, or none"),
+        Option("--undeclared", "draw a hidden effect, or none, at random"),
     )),
     Group("the simulated bench: with --simulate, --acquire --source bench, or the window",
           ("simulate", "acquire", WINDOW), (
         Option("--site",
-               "where it stands: quiet, ISO-office, VC-A to VC-G, or a TOML file (quiet; in the window as set)",
+               "bench site: quiet, ISO-office, VC-A to VC-G, or a TOML file (default: quiet; in the window as set)",
                "SITE", _name),
     )),
 )  # fmt: skip
@@ -228,15 +228,15 @@ _ALSO = {  # option -> further commands that accept it
     "rate": ("map",),
     "model": ("map",),
 }
-_ONE_CALL = "need all shots in one process: leave --jobs and --scheduler out"
+_ONE_CALL = "need all shots in one process: omit --jobs and --scheduler"
 EXCLUDED = (  # (option, options that it excludes, message)
-    ("save_model", ("no_diagnose",), "--save-model writes what a diagnosis found: leave --no-diagnose out"),
-    ("jobs", ("scheduler",), "--jobs and --scheduler: one of them"),
+    ("save_model", ("no_diagnose",), "--save-model needs a diagnosis: omit --no-diagnose"),
+    ("jobs", ("scheduler",), "--jobs and --scheduler exclude each other"),
     ("diagnosis_seconds", ("no_diagnose", "jobs"),
-     "--diagnosis-seconds is for a diagnosis: leave --no-diagnose and --jobs out"),
-    ("law", ("no_diagnose",), "--law is tried by the diagnosis: leave --no-diagnose out"),
-    ("plan", ("no_diagnose",), "--plan begins with what a diagnosis left open: leave --no-diagnose out"),
-    ("effect", ("undeclared",), "--undeclared draws the effect itself: leave --effect out"),
+     "--diagnosis-seconds needs a diagnosis: omit --no-diagnose and --jobs"),
+    ("law", ("no_diagnose",), "--law needs a diagnosis: omit --no-diagnose"),
+    ("plan", ("no_diagnose",), "--plan needs a diagnosis: omit --no-diagnose"),
+    ("effect", ("undeclared",), "--undeclared draws the effect at random: omit --effect"),
     *((name, ("jobs", "scheduler"), f"--report, --hdf5, --foretell, --law, --plan and --save-model {_ONE_CALL}")
       for name in ("report", "hdf5", "save_model", "foretell", "law", "plan")),
 )  # fmt: skip

@@ -53,9 +53,13 @@ def table(result: Reproduction) -> str:
             if row.traced_to:
                 lines += textwrap.wrap(row.traced_to, _LINE - 4, initial_indent="    ", subsequent_indent="    ")
     count = {status: sum(row.status is status for row in result.rows) for status in Status}
-    lines += ["", f"{count[Status.AGREES]} agree as printed, {count[Status.TRACED]} traced, {count[Status.OPEN]} open:"]
     lines += [
-        f"  open: {row.what} ({shown_number(row, row.error_after, relative=True) or '–'})" for row in result.open_rows
+        "",
+        f"{count[Status.AGREES]} agree as printed, {count[Status.TRACED]} explained, {count[Status.OPEN]} unresolved:",
+    ]
+    lines += [
+        f"  unresolved: {row.what} ({shown_number(row, row.error_after, relative=True) or '–'})"
+        for row in result.open_rows
     ]
     return "\n".join(lines)
 
@@ -74,7 +78,7 @@ def _shot(recording: Path | None) -> tuple[Shot | None, bool]:
         say(error)
         return None, False
     if not found:
-        say(f"{recording}: no recording there")
+        say(f"{recording}: no recording found")
         return None, False
     shot = load_and_analyse(found[0])
     if shot.problem:

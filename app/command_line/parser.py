@@ -15,9 +15,9 @@ def flat_parser() -> argparse.ArgumentParser:
         description="Levitation Mass Method: from the beat of two light frequencies to force and restitution. "
         "Without an option the desktop window opens.",
         epilog="Each of the first options is a command too: levimass replay PATH, levimass acquire N, "
-        "levimass plan PATH; levimass replay --help names what goes with it.",
+        "levimass plan PATH; levimass replay --help lists its options.",
     )
-    parser.add_argument("--version", action=Version, nargs=0, help="print version, licence and what it works with")
+    parser.add_argument("--version", action=Version, nargs=0, help="print version, licence and dependencies")
     one_of = parser.add_mutually_exclusive_group()
     for command in COMMANDS:
         command.add(one_of)
@@ -31,7 +31,7 @@ def flat_parser() -> argparse.ArgumentParser:
 def command_parser(name: str) -> argparse.ArgumentParser:
     """Return the parser of one command, with the options that it accepts."""
     command = next((c for c in COMMANDS if c.key == ("replay" if name == PLAN else name)), None)
-    about = "which shots to take next" if name == PLAN else command.help if command else "open the window"
+    about = "plan the next shots" if name == PLAN else command.help if command else "open the window"
     parser = argparse.ArgumentParser(prog=f"levimass {name}", description=f"{about[0].upper()}{about[1:]}.")
     if command is not None and command.parse is not None:
         more = {key: value for key, value in command.more.items() if key != "const"}
@@ -93,7 +93,7 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
         if name in given and not given & set(others):
             parser.error(f"{_flag(name)} goes with {' or '.join(map(_flag, others))}")
     if command == "acquire" and options.json is not None and options.resolve is None:
-        parser.error("--json goes with --acquire where --resolve does")
+        parser.error("--json goes with --acquire only together with --resolve")
     if options.model is not None and options.model not in MODELS and not is_model_file(options.model):
         parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
     if options.foretell and (options.model is None or not is_model_file(options.model)):
@@ -107,7 +107,9 @@ def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace, co
     from instrument.devices import is_bench
 
     if command == "acquire" and not is_bench(options.source):
-        parser.error("--site is where the simulated bench stands: with --simulate, --acquire --source bench or alone")
+        parser.error(
+            "--site applies only to the simulated bench: with --simulate, with --acquire --source bench, or alone"
+        )
     try:
         site_named(options.site)
     except ValueError as error:

@@ -36,7 +36,7 @@ from instrument.files import RecordingError, find_recordings, read_law, write_te
 from levimass import is_drive
 
 Result = TypeVar("Result")
-NOTHING_OPEN = "the diagnosis leaves nothing open that another shot would have to decide"
+NOTHING_OPEN = "no further shot is needed: the diagnosis is unambiguous"
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +134,7 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) ->
     if found is None:
         return None, True
     if found.not_asked:
-        say(f"no time within {seconds:g} s for {'; '.join(found.not_asked)}")
+        say(f"not computed within {seconds:g} s: {'; '.join(found.not_asked)}")
     return found, False
 
 
@@ -143,7 +143,7 @@ def _prediction(shots: Sequence[Shot], known: SavedModel) -> PredictionTest | No
     prediction = _or_said(lambda: predicted([shot for shot in shots if not shot.problem], known), "no prediction")
     for shot in prediction.shots if prediction is not None else ():
         if shot.took_part:
-            say(f"{shot.name}: took part in the model's fit, so it is no test of it")
+            say(f"{shot.name}: was used to fit the model, so it does not test it")
         if shot.problem:
             say(f"{shot.name}: not predicted: {shot.problem}")
     return prediction
@@ -164,7 +164,7 @@ def _say_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
     """Print the parameters of these shots that differ significantly from those in the model file."""
     for name, deviation in drift(known, diagnosis.fit_after).items():
         if abs(deviation) > DRIFT_SIGMAS:
-            say(f"{name} lies {deviation:+.1f} standard deviations from the model file's")
+            say(f"{name} deviates by {deviation:+.1f} σ from the model file")
 
 
 def _save_model(found: _Results, path: Path) -> bool:
@@ -245,7 +245,7 @@ def plan_shots(
     """
     motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
     if diagnosis is None:
-        say("nothing planned: there is no diagnosis to plan from")
+        say("nothing planned: there is no diagnosis")
         return None
     if is_drive(diagnosis.fit_after.model):
         say("nothing planned: a drive strikes no plate, so there is no collision to plan")

@@ -56,7 +56,7 @@ def _planned(shot: NextShot, shots: Sequence[Shot], request: CaptureRequest, num
     source = None
     if is_bench(request.source):
         source = pushed(request.source, shot.speed_m_per_s, shot.added_mass_kg, number)
-    say(f"{'taking' if source else 'please set, then push:'} {shot.words}")
+    say(f"{'taking' if source else 'set the rig, then push the block:'} {shot.words}")
     digitizer = opened(source or request.source, request)
     setup = None if source else planned_setup(digitizer.setup, shot, shots)
     settings = planned_record(shot, shots, request.rate_hz)
@@ -84,7 +84,7 @@ def _standing(
     if standing.steps:
         last = standing.steps[-1]
         reached = "not known" if last.reached is None else f"{last.reached:.2g}"
-        say(f"expected {last.expected_separation:.2g} noise norms, reached {reached}")
+        say(f"expected separation {last.expected_separation:.2g} noise norms, reached {reached}")
     if standing.plan is not None:
         say(standing.plan.words)
     return diagnosis, standing

@@ -16,7 +16,7 @@ def main() -> int:
     problem = why_no_window()
     if problem is None:
         return window([])
-    print(f"levimass: no window here ({problem}); one simulated shot without it:\n", file=sys.stderr)
+    print(f"levimass: no window can open ({problem}); analysing one simulated shot instead:\n", file=sys.stderr)
     return headless_shot()
 
 

@@ -41,7 +41,7 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict].full}."), class_="verdict"),
         tag("p", said.sentence),
-        tag("p", f"Made from {counted(count, 'shot')} together{f': {rig}' if rig else ''}."),
+        tag("p", f"Based on {counted(count, 'shot')}{f': {rig}' if rig else ''}."),
     ]
     if diagnosis.effects:
         parts += [tag("h3", "Effects"), *map(_effect, diagnosis.effects, said.effects)]
@@ -51,11 +51,11 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     if said.remainder:
         parts += [tag("h3", "Remaining residual"), tag("p", said.remainder)]
     if diagnosis.candidates:
-        parts += [tag("h3", "Every effect that was tried, best first"), _candidates(diagnosis)]
+        parts += [tag("h3", "All candidate effects, best first"), _candidates(diagnosis)]
     if said.blind_spots:
         parts += [tag("h3", "Detection limits"), tag("ul", [tag("li", b) for b in said.blind_spots])]
     if further := next_shots or said.separating_shot:
-        parts += [tag("h3", "The shot that would decide"), tag("p", further)]
+        parts += [tag("h3", "Shot that would distinguish the candidates"), tag("p", further)]
     parts += [tag("h3", "Model of all shots, before"), fitted(diagnosis.fit_before)]
     if diagnosis.fit_after is not diagnosis.fit_before:
         parts += [tag("h3", "Model of all shots, after"), fitted(diagnosis.fit_after)]
@@ -77,11 +77,16 @@ def _law(law: LearnedLaw) -> Markup:
     """Return a learned law: formula, alternative forms, and the free curve with two standard uncertainties."""
     low, high = law.visited
     lines = [
-        tag("p", tag("b", f"a force of the {law.argument}"), f" on the {law.where}: ", law.formula or "no closed form"),
+        tag(
+            "p",
+            tag("b", f"force on the {law.where}"),
+            f" as a function of {law.argument}: ",
+            law.formula or "no closed form",
+        ),
         tag("p", "; ".join(f"{name} = {q} {unit}".strip() for name, (q, unit) in law.parameters.items())),
         tag(
             "p",
-            f"Visited from {low:.4g} to {high:.4g} {law.curve_unit}. Not observable: {'; '.join(law.not_observable)}."
+            f"Range covered: {low:.4g} to {high:.4g} {law.curve_unit}. Not observable: {'; '.join(law.not_observable)}."
             + (f" Also: {'; '.join(law.same_by_gauge)}." if law.same_by_gauge else ""),
         ),
     ]
@@ -103,7 +108,7 @@ def _errors(diagnosis: Diagnosis) -> Markup:
             ("validation shot, after", diagnosis.error_held_out_after),
         ]
     rows = error_rows(columns)
-    note = "Over the same samples at the same bandwidth; before is the base model at its own best fit."
+    note = 'Same samples and bandwidth; "before" is the best fit of the diagnosed model without the effects found.'
     return joined(table(["", *(name for name, _ in columns)], rows, "numbers"), tag("p", note, class_="faint"))
 
 
@@ -162,16 +167,16 @@ def _parameters(parameters: Mapping[str, Quantity]) -> str:
 def prediction_section(prediction: PredictionTest) -> Markup:
     """Return the section on the test of a model file: summary sentence, errors of all shots and of each shot."""
     effects = " + ".join(effect.words for effect in prediction.effects) or "no effect"
-    columns: list[tuple[str, Errors]] = [("base alone", prediction.error_base), ("whole model", prediction.error_model)]
+    columns: list[tuple[str, Errors]] = [("base model", prediction.error_base), ("saved model", prediction.error_model)]
     each = [("", error or _UNKNOWN) for shot in prediction.shots for error in (shot.error_base, shot.error_model)]
     rows = error_rows([*columns, *each])  # in one call, so that all have the same units
     shots = []
     for place, shot in enumerate(prediction.shots):
-        remark = shot.problem or ("took part in the model\u2019s fit: no test" if shot.took_part else "")
+        remark = shot.problem or ("used to fit the model: no test" if shot.took_part else "")
         shots.append([shot.name, *rows[0][3 + 2 * place : 5 + 2 * place], remark])
     which = rows[0][0]
     said = (
-        f"Model {prediction.model} with {effects}, as it was saved; only the parameters of each shot (speed, touch and "
+        f"Model {prediction.model} with {effects}, as saved; only the parameters of each shot (speed, touch and "
         "offset; a drive\u2019s constant force) were fitted."
     )
     sentence = prediction_words(prediction)
@@ -179,6 +184,6 @@ def prediction_section(prediction: PredictionTest) -> Markup:
         tag("p", tag("b", f"{sentence[0].upper()}{sentence[1:]}.")),
         tag("p", said),
         table(["", *(name for name, _ in columns)], [row[:3] for row in rows], "numbers"),
-        table(["shot", f"base alone: {which}", "whole model", "remarks"], shots, "numbers"),
+        table(["shot", f"base model: {which}", "saved model", "remarks"], shots, "numbers"),
     )
     return tag("section", tag("h2", "Test of model predictions"), body)

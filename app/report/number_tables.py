@@ -31,7 +31,7 @@ def numbers(shot: Shot, of: Budget | None) -> Markup:
         entry, reading = of.of(number.key) if of is not None else None, number.find(shot)
         if entry is not None or number.origin is Origin.READ:
             rows.append([with_unit(number.words, number.shown_unit), *_cells(reading, entry, number.unit)])
-    header = ["", "value ± standard uncertainty", "of it type A", "type B", f"expanded, k = {COVERAGE_FACTOR:g}", "how"]
+    header = ["", "value ± standard uncertainty", "type A part", "type B", f"expanded, k = {COVERAGE_FACTOR:g}", "how"]
     return table(header, rows, "numbers")
 
 
@@ -60,13 +60,13 @@ def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = 
         words, unit = words_and_unit(short[name])
         correlations = (or_dash(r, ".2f") for r in fit.correlations[index])
         entry = of.of(name) if of is not None else None
-        noise = f"{value.std:.2g}" if entry is not None else "all of it"
+        noise = f"{value.std:.2g}" if entry is not None else "all"
         stated = entry.quantity if entry is not None else value
         rows.append([with_unit(words, unit), str(stated), noise, *correlations])
     header = [
         "",
         "value ± standard uncertainty",
-        "of it type A",
+        "type A part",
         *(words_and_unit(name)[0] for name in short.values()),
     ]
     effects = f" with {', '.join(effect.words for effect in fit.effects)}" if fit.effects else ""
@@ -75,7 +75,11 @@ def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = 
         f"noise {1e9 * fit.noise_std_m:.3g} nm per displacement sample. Columns on the right: correlations."
     )
     unnamed = ", ".join(effect.words for effect in fit.effects if effect in tried)
-    warning = tag("p", f"Tried, not named by a diagnosis: {unnamed}.", class_="warning") if unnamed else Markup()
+    warning = (
+        tag("p", f"Added by the operator, not found by a diagnosis: {unnamed}.", class_="warning")
+        if unnamed
+        else Markup()
+    )
     return joined(tag("p", said), warning, table(header, rows, "numbers"))
 
 
@@ -96,7 +100,7 @@ def scaled(reading: Reading, unit: str) -> tuple[str, str]:
 
 def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[str]:
     if isinstance(reading, NotSeen):
-        return ["\u2013", "", "", "", f"not seen: {reading.reason}"]
+        return ["\u2013", "", "", "", f"not measured: {reading.reason}"]
     if entry is None:
         return [scaled(reading, unit)[0], "", "", "", reading.how]
     factor, _ = shown_in(unit)
@@ -212,7 +216,7 @@ def summary(shot: Shot) -> str:
         model = readings_model(shot)
         if model is not None and shot.readings_fit is not None:
             words, again = _model_name(model.base, model.effects), ", ".join(model.readings)
-            lines.append(f"  made again with model {words}, which the diagnosis found: {again}")
+            lines.append(f"  readings from model {words}, which the diagnosis found: {again}")
     if shot.fit is not None and shot.fit.converged:
         lines += fit_lines(shot.fit, combined)
     if shot.flags:

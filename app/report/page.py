@@ -47,7 +47,7 @@ def report_of(
     )
     body = [tag("header", tag("h1", heading), tag("p", f"Levimass report, made {made}", class_="faint"))]
     if not shots:
-        body.append(tag("p", "There is no shot in it.", class_="warning"))
+        body.append(tag("p", "This report contains no shots.", class_="warning"))
     if len(shots) > 1:
         body.append(session_section(shots))
     if diagnosis is not None:
@@ -90,7 +90,7 @@ def _shot(
     parts += [
         tag("h3", "Taken with"), provenance.taken_with(shot),
         tag("h3", "Analysed with"), provenance.analysed_with(shot),
-        tag("h3", "To repeat it"), provenance.repeated_by(shot, tried),
+        tag("h3", "How to reproduce"), provenance.repeated_by(shot, tried),
     ]  # fmt: skip
     return tag("section", parts, id=f"shot-{number}", class_="shot")
 
@@ -119,6 +119,6 @@ def _program() -> Markup:
     said = (
         f"{provenance.program_words()}. ± is the standard uncertainty, type A from this measurement's own values, "
         "type B from elsewhere; numbers are in the units stated, with a decimal point. Right is positive: the block "
-        "comes in with v < 0 and leaves with v > 0."
+        "approaches with v < 0 and leaves with v > 0."
     )
     return tag("footer", tag("p", said))

@@ -52,7 +52,7 @@ def analysed_with(shot: Shot) -> Markup:
         rows.append(["motion", f"{motion.time_s.size} samples at {motion.sample_rate_hz:g} Hz"])
         rows.append(["displacement known up to", f"{motion.displacement_band_hz:g} Hz"])
         rest = motion.rest_frequency_hz
-        said = f"not seen: {rest.reason}" if isinstance(rest, NotSeen) else f"{rest.scaled(1e-6)} MHz"
+        said = f"not measured: {rest.reason}" if isinstance(rest, NotSeen) else f"{rest.scaled(1e-6)} MHz"
         rows.append(["rest frequency", said])
         for words, beat in (("reference", motion.reference), ("measurement", motion.measurement)):
             if beat is not None:

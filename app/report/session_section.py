@@ -83,7 +83,7 @@ def _overlay(shots: Sequence[Shot]) -> Markup:
             lines.append(Line(at, getattr(shot.motion, name), f"series-{index % COLOURS}"))
         plots.append(Plot("time from first touch (ms)", label, tuple(lines), x_span=span))
     legend = [(f"series-{i}", shot.name) for i, shot in enumerate(shots)] if len(shots) <= NAMED else []
-    return figure("Overlay.", "All shots from first touch on; below, the first contact.", plots, legend, 190)
+    return figure("Overlay.", "All shots, time from first touch; bottom: first contact.", plots, legend, 190)
 
 
 def _summaries(found: Series, shots: Sequence[Shot]) -> Markup:

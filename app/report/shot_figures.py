@@ -11,7 +11,7 @@ from app.report.svg_plot import WIDTH, Band, Line, Plot, Remark, draw
 from app.words import Markup, tag
 
 MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # (class in the style sheet, label)
-RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and building, \u00b12 standard deviations")
+RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and floor vibration, \u00b12 \u03c3")
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ def _whole(course: _Course) -> Markup:
         _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None),
         _over_time(course, "force (N)", motion.force_n, over.force_n if over else None),
     ]
-    words += " Upright lines: first touch and release." if course.marks else ""
+    words += " Vertical lines: first touch and release." if course.marks else ""
     return figure("The shot.", words, plots, _legend(course), 178)
 
 
@@ -117,7 +117,7 @@ def _first_contact(course: _Course) -> Markup:
         _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None, span),
         _over_time(course, "force (N)", motion.force_n, over.force_n if over else None, span),
     ]
-    return figure("First contact.", "The bounces with which the contact begins.", plots, _legend(course), 190)
+    return figure("First contact.", "Bounces at the beginning of the contact.", plots, _legend(course), 190)
 
 
 @dataclass(frozen=True, slots=True)

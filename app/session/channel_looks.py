@@ -21,10 +21,10 @@ LINE = 12.0  # least power of a beat's spectral line, in units of the median pow
 class ChannelKind(StrEnum):
     """The kind of signal in a channel."""
 
-    MOVING = "beat that moves"
-    STILL = "beat at rest"
+    MOVING = "beat, varying frequency"
+    STILL = "beat, constant frequency"
     SWITCH = "two levels"
-    COUNTER = "counts its rows"
+    COUNTER = "row counter"
     FLAT = "flat"
     OTHER = "no beat"
 

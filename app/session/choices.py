@@ -26,16 +26,16 @@ def load(path: Path) -> tuple[Settings, list[str]]:
         try:
             settings, unknown = _read(candidate)
         except (RecordingError, WrongSettings) as error:
-            words.append(f"The settings in {candidate.name} could not be used ({one_line(str(error), 400)})")
+            words.append(f"The settings in {candidate.name} could not be read ({one_line(str(error), 400)})")
             _set_aside(candidate)
             continue
         if unknown:
-            words.append(f"Settings unknown to this version were left out: {', '.join(unknown)}")
+            words.append(f"Settings unknown to this version are ignored: {', '.join(unknown)}")
         if words and meaning:
             words[-1] += f"; {meaning}"
         return settings, words
     if words:
-        words[-1] += "; the program's own are used"
+        words[-1] += "; default settings are used"
     return Settings(), words
 
 
@@ -65,7 +65,7 @@ def _read(path: Path) -> tuple[Settings, list[str]]:
     document = read_json(path)
     version = document.pop("levimass_settings", None)
     if not isinstance(version, int) or version > VERSION:
-        raise WrongSettings(f"version {shown(version)} is not known to this program")
+        raise WrongSettings(f"version {shown(version)} is unknown to this program")
     known = {field.name for field in fields(Settings)}
     unknown = sorted(set(document) - known)
     try:

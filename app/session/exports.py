@@ -103,9 +103,9 @@ class UnsavedShots:
             if not self._session.set_path(name, str(path)):
                 self._ahead[name] = str(path)
         count = len(paths)
-        words = f"{counted(count, 'shot')} saved to {folder}" if count else "no shot waits"
+        words = f"{counted(count, 'shot')} saved to {folder}" if count else "no shot to save"
         if problem is None:
             self._tell(EventKind.EXPORTED, words)
         else:
             before = f"{words}; " if count else ""
-            self._tell(EventKind.PROBLEM, f"{before}the others stay in memory: {problem}")
+            self._tell(EventKind.PROBLEM, f"{before}the other shots remain in memory: {problem}")

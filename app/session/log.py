@@ -29,7 +29,7 @@ class ProgramLog:
                 self.folder / NAME, maxBytes=_MOST_BYTES, backupCount=3, encoding="utf-8", errors="backslashreplace"
             )
         except OSError as error:
-            self._problems.append(f"no log is kept: {error}")
+            self._problems.append(f"no log file is written: {error}")
         else:
             self._handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
             _LOG.addHandler(self._handler)
@@ -59,9 +59,7 @@ class ProgramLog:
         _LOG.error("not caught", exc_info=(kind, shown, trace))
         sys.__excepthook__(kind, shown, trace)
         cause = " ".join(str(shown).split())
-        self._problems.append(
-            f"a fault of the program: {kind.__name__}: {cause} (the log tells where: Help, Log folder)"
-        )
+        self._problems.append(f"a fault of the program: {kind.__name__}: {cause} (see the log: Help, Log folder)")
 
 
 def note(words: str) -> None:

@@ -64,7 +64,7 @@ class ModelWork:
         """Use the model read from a file."""
         self._loaded = model
         self._use(model.base, model.effects, model.tried)
-        self._tell(EventKind.MODEL, f"Model {model_words(model)}, taken from {path}")
+        self._tell(EventKind.MODEL, f"Model {model_words(model)}, loaded from {path}")
 
     def _use(self, base: str, effects: tuple[Effect, ...], tried: Sequence[Effect] = ()) -> None:
         """Set the effects in the model and fit each shot individually, as ``--model FILE`` and a reopened session do.
@@ -128,7 +128,7 @@ class ModelWork:
             report(f"fitting {entry.name}", 0.0)
             return self._work.do(fitting, report, cancelled)
 
-        name, take = f"fit of {entry.name} with the new model", partial(self._take_fit, number, shot, effects)
+        name, take = f"refit of {entry.name} with the changed model", partial(self._take_fit, number, shot, effects)
         job = self._work.jobs.submit(name, work, "refit", take)
         self._pending[number] = _PendingFit(job, shot, effects)
 

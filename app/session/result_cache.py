@@ -174,13 +174,15 @@ class CacheWork:
             for shot in shots:
                 self._results.store_shot(shot)
 
-        self._short_jobs.submit("keeping results", work, "keep")
+        self._short_jobs.submit("saving results to the cache", work, "keep")
 
     def store_diagnosis(self, found: Diagnosed, keys: Sequence[Key]) -> None:
         """Queue the storing of a diagnosis; ``keys`` belong to its entries, in the same order."""
         if len(keys) == len(found.numbers):
             self._short_jobs.submit(
-                "keeping a diagnosis", lambda _, __: self._results.store_diagnosis(found.diagnosis, keys), "keep"
+                "saving a diagnosis to the cache",
+                lambda _, __: self._results.store_diagnosis(found.diagnosis, keys),
+                "keep",
             )
 
     def ask(
@@ -194,8 +196,10 @@ class CacheWork:
         for start in range(0, len(numbers), AT_ONCE):
             some = numbers[start : start + AT_ONCE]
             reading = partial(self._shots, {number: keys[number] for number in some})
-            self._short_jobs.submit("kept results", reading, "kept", take_shots)
-        self._short_jobs.submit("kept diagnoses", lambda _, __: self._results.diagnoses(keys), "kept", take_diagnoses)
+            self._short_jobs.submit("reading cached results", reading, "kept", take_shots)
+        self._short_jobs.submit(
+            "reading cached diagnoses", lambda _, __: self._results.diagnoses(keys), "kept", take_diagnoses
+        )
 
     def _shots(self, keys: Mapping[int, Key], _: Progress, cancelled: Stop) -> dict[int, CachedShot | None]:
         return {number: None if cancelled() else self._results.shot(key) for number, key in keys.items()}

@@ -291,7 +291,7 @@ class Rig:
         running, self._running = self._running, None
         self._since_s = self._clock()
         if running is not None and not running.capture.close() and running.capture.digitizer_held:
-            self._problems.append(f"{running.source} did not end in time; re-plug it before it is used again")
+            self._problems.append(f"{running.source} did not close in time; unplug it and plug it in again before use")
 
     def _open_source(self, source: str) -> None:
         from instrument.capture import Capture  # slow to import

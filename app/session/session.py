@@ -298,10 +298,10 @@ class Session:
             session._left_out = document.names("left_out")[-MOST_LEFT_OUT:]
             unknown.update(document.unread())
             if unknown:
-                session.problem = f"unknown to this version, left out of the session: {', '.join(sorted(unknown))}"
+                session.problem = f"ignored, unknown to this version: {', '.join(sorted(unknown))}"
         except RecordingError as error:
             aside = path.with_name(path.name + ".unreadable")
-            session.problem = f"the last session could not be read ({error}); it was kept as {aside.name}"
+            session.problem = f"the last session could not be read ({error}); the file was renamed to {aside.name}"
             try:
                 os.replace(path, aside)
             except OSError:

@@ -16,7 +16,7 @@ def named_session(path: Path) -> Session:
     unlock = lock_session(path)
     if not is_session(path):  # checked first, because ``reopen`` renames a file that it cannot read
         unlock()
-        raise RecordingError(path, "no such file" if not path.exists() else "this is no session of Levimass")
+        raise RecordingError(path, "no such file" if not path.exists() else "this is not a Levimass session")
     session = Session.reopen(path)
     session.unlock = unlock
     return session
@@ -36,7 +36,7 @@ def lock_session(path: Path) -> Callable[[], None]:
     try:
         return FolderLock(path.parent, f".{path.name}.lock").release
     except FolderLocked:
-        raise RecordingError(path, "another window has this session open") from None
+        raise RecordingError(path, "this session is open in another window") from None
 
 
 def last_session(name: str, folder: Path) -> Session:
@@ -69,7 +69,7 @@ def own_session(folder: Path) -> Session:
         session = Session.reopen(path)
         session.unlock = lock.release
         if number > 1 and session.problem is None:
-            session.problem = f"another window has the session open: this one keeps its own, {path.name}"
+            session.problem = f"the session is open in another window; this window uses {path.name}"
         return session
     return Session.reopen(folder / "session.json")
 

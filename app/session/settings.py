@@ -50,14 +50,14 @@ class Settings(AnalysisChoices):
 
     moving_mass_kg: float = number(17.85e-3, RIG, "Moving mass", "g", 1e3, 1e-4, 100.0,
         "Block with corner cube and extension; force and impulse scale with it")
-    moving_mass_u_kg: float = number(1e-6, RIG, "its uncertainty", "mg", 1e6, 0.0, 1.0,
+    moving_mass_u_kg: float = number(1e-6, RIG, "Mass uncertainty", "mg", 1e6, 0.0, 1.0,
         "Standard uncertainty of the mass")
     wavelength_vacuum_m: float | None = number(632.991354e-9, RIG, "Wavelength in vacuum", "nm", 1e9, 200e-9, 3e-6,
-        "HP 5518A: 632.991354 nm. With the air given, the wavelength in air follows from it", optional=True)
+        "HP 5518A: 632.991354 nm. With the air given, the wavelength in air is computed from it", optional=True)
     wavelength_air_m: float | None = number(None, RIG, "Wavelength in air", "nm", 1e9, 200e-9, 3e-6,
-        "Given, it is used as it is. Velocity and force scale with it")
+        "If given, it overrides the value computed from vacuum wavelength and air. Velocity and force scale with it")
     rest_frequency_hz: float | None = number(None, RIG, "Rest frequency", "MHz", 1e-6, 1e3, 1e9,
-        "Only where there is no PD0")
+        "Needed only without PD0")
     temperature_c: float | None = number(None, AIR, "Temperature", "°C", 1.0, -40.0, 100.0,
         "1 K changes the wavelength by 0.95 ppm")
     pressure_pa: float | None = number(None, AIR, "Pressure", "hPa", 1e-2, 1e4, 1.4e5,
@@ -65,10 +65,10 @@ class Settings(AnalysisChoices):
     humidity_percent: float | None = number(None, AIR, "Relative humidity", "%", 1.0, 0.0, 100.0,
         "10 % change the wavelength by 0.09 ppm")
     sample_rate_hz: float = number(10e6, SHOT, "Sample rate", "MS/s", 1e-6, 1e3, 1e10,
-        "The nearest rate the digitizer has is taken")
+        "The digitizer's nearest sample rate is used")
     duration_s: float = number(0.15, SHOT, "Length", "ms", 1e3, 1e-3, 100.0,
         "Long enough for both flights: the contact lasts about 29 ms")
-    pre_trigger_s: float = number(6e-3, SHOT, "before the light switch", "ms", 1e3, 0.0, 100.0,
+    pre_trigger_s: float = number(6e-3, SHOT, "Pre-trigger time", "ms", 1e3, 0.0, 100.0,
         "Samples recorded before the light switch")
     edge: str = choice("either", SWITCH, "Edge", (("either", "either"), ("rising", "rising"), ("falling", "falling")),
         "Which step of the light switch starts the shot")
@@ -76,7 +76,7 @@ class Settings(AnalysisChoices):
         "Empty: determined from the signal")
     switch_high_v: float | None = number(None, SWITCH, "High threshold", "V", 1.0, -100.0, 100.0,
         "Empty: determined from the signal")
-    site: str = choice(USUAL_SITE, BENCH, "stands at", SITES, "Floor vibration under the simulated bench: "
+    site: str = choice(USUAL_SITE, BENCH, "Site (floor vibration)", SITES, "Floor vibration under the simulated bench: "
         "the vibration criteria of the field, as the rms velocity in a third-octave")
     folder: str = declared("", Setting(LOOKS, "Recordings", "folder",
         hover="Where shots are saved; empty: Levimass in your documents"))
@@ -87,10 +87,10 @@ class Settings(AnalysisChoices):
         "The banner flashes once when the light switch fires")
     speeds_m_per_s: str = declared(" ".join(map(str, SPEEDS_M_PER_S)), Setting(NEXT, "Speeds", "numbers",
         "m/s", 1.0, 1e-3, 10.0,
-        "Speeds at which you can let the block strike; a planned shot has one of them. Separate with blanks"))
+        "Impact speeds that the rig can produce; a planned shot uses one of them. Separate with spaces"))
     weights_kg: str = declared(" ".join(str(kg) for kg in ADDED_KG if kg), Setting(NEXT, "Weights", "numbers",
         "g", 1e3, 1e-4, 100.0,
-        "Weights that can be put on the block; a planned shot has one of them or none. Empty: none available",
+        "Masses that can be added to the block; a planned shot uses one or none. Empty: none",
         optional=True))
     run_up_m: float = number(12e-3, NEXT, "Run-up", "mm", 1e3, 1e-4, 10.0,
         "Length of free flight before the plate that can be recorded")
@@ -114,11 +114,11 @@ class Settings(AnalysisChoices):
                 if setting is not None:
                     setting.check(value)
                 elif type(value) is not type(field.default):
-                    raise WrongSettings(f"{field.name}: {shown(value)} is no {type(field.default).__name__}")
+                    raise WrongSettings(f"{field.name}: {shown(value)} is not a {type(field.default).__name__}")
             except ValueError as error:
                 raise WrongSettings(str(error)) from None
         if self.switch_low_v is not None and self.switch_high_v is not None and self.switch_low_v >= self.switch_high_v:
-            raise WrongSettings("light switch: the low threshold must lie below the high one")
+            raise WrongSettings("light switch: the low threshold must be below the high one")
         if self.pre_trigger_s >= self.duration_s:
             raise WrongSettings("the pre-trigger part must be shorter than the shot")
 

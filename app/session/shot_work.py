@@ -101,10 +101,10 @@ def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancel
     model = load_model(path)
     of_base = [shot for shot in shots if shot.motion is not None and shot.settings.model == model.base]
     if not of_base:
-        raise AnalysisError(f"none of these shots is of the file's base model, {model.base}")
+        raise AnalysisError(f"none of these shots has the model file's base model, {model.base}")
     prediction = predicted(of_base, model, cancelled)
     took_part = sum(shot.took_part for shot in prediction.shots)
-    warning = f" ({took_part} of them took part in the model's fit: no test)" if took_part else ""
+    warning = f" ({took_part} used to fit the model: no test)" if took_part else ""
     return f"{model_words(model)}: {prediction_words(prediction)}{warning}"
 
 

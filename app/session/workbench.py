@@ -332,7 +332,8 @@ class Workbench:
             self.session.set_verdict(number, verdict_words(diagnosis.verdict, of.found), of)
         self._tell(EventKind.DIAGNOSED, diagnosis.sentence, numbers)
         if diagnosis.not_asked:
-            self._tell(EventKind.PROBLEM, f"no time for {'; '.join(diagnosis.not_asked)} (F2)")
+            words = f"not computed within the diagnosis time limit (F2): {'; '.join(diagnosis.not_asked)}"
+            self._tell(EventKind.PROBLEM, words)
 
     def _held(self, found: Diagnosed) -> Diagnosed:
         return found if self._spool is None else replace(found, diagnosis=self._spool.moved(found.diagnosis))
@@ -353,12 +354,12 @@ class Workbench:
 
     def _take_unlisted(self, result: Unlisted) -> None:
         if result.cut_off:
-            words = f"The program ended while it recorded {_named(result.cut_off)}: saved up to that point"
+            words = f"The program stopped while recording {_named(result.cut_off)}; the saved part can be opened"
             self._tell(EventKind.UNLISTED, words, paths=result.cut_off)
         if result.complete:
             count = len(result.complete)
-            which = "1 recording" if count == 1 else f"{count} recordings"
-            words = f"{which} in the data folder not in any session: {_named(result.complete)}"
+            which = "1 recording in the data folder is" if count == 1 else f"{count} recordings in the data folder are"
+            words = f"{which} in no session: {_named(result.complete)}"
             self._tell(EventKind.UNLISTED, words, paths=result.complete)
 
     def _take_cached(self, cached: dict[int, CachedShot | None]) -> None:

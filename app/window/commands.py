@@ -64,7 +64,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("View", "COMPARE", "show_page:COMPARE", ("Ctrl+3",)),
     Command("View", "SPECTRUM", "show_page:SPECTRUM", ("Ctrl+4",)),
     Command("View", "DIAGNOSIS", "show_page:DIAGNOSIS", ("Ctrl+5",)),
-    Command("View", "BUDGET: where each uncertainty comes from", "show_page:BUDGET", ("Ctrl+6", "B")),
+    Command("View", "BUDGET: sources of each uncertainty", "show_page:BUDGET", ("Ctrl+6", "B")),
     Command("View", "PAPER", "show_page:PAPER", ("Ctrl+7",)),
     Command("View", "LARGE: numbers readable from a distance", "show_page:LARGE", ("Ctrl+8", "L")),
     Command("View", "Uncertainties: combined or noise only", "toggle_noise_only", ("U",)),
@@ -81,7 +81,7 @@ COMMANDS: tuple[Command, ...] = (
     Command("View", "Copy the plot as a picture", "copy_plot", ("Ctrl+Shift+X",)),
     Command("View", "Freeze or resume the LIVE curves", "toggle_hold", ("H",)),
     Command("Model", "Diagnose the selected shots", "diagnose", ("D",)),
-    Command("Model", "Propose a law of your own …", "propose_law", ("Ctrl+L",)),
+    Command("Model", "Propose a force law …", "propose_law", ("Ctrl+L",)),
     Command("Model", "Open a model file …", "load_model", ("Ctrl+Shift+O",), True),
     Command("Model", "Save the model of the selected shots, or of all …", "save_model", ("Ctrl+Shift+S",)),
     Command("Model", "Test a model's predictions on the selected shots, or on all …", "test_model", ("Ctrl+Shift+T",)),
@@ -96,7 +96,7 @@ COMMANDS: tuple[Command, ...] = (
 ON_PLOT = (
     ("Left, Right", "move along the axis"),
     ("Up, Down", "zoom in, out"),
-    ("Home", "the whole range"),
+    ("Home", "show the whole range"),
     ("Shift+Left, Right", "move cursor A"),
     ("Ctrl+Left, Right", "move cursor B"),
 )

@@ -188,7 +188,9 @@ class MainWindow(QMainWindow):
         """Return what closing now would lose: a sentence for each item's key."""
         found = {}
         for name in snapshot.unsaved:
-            found[name] = f"{_shots(len(snapshot.unsaved))} only in memory: save elsewhere (Ctrl+S), or lose them"
+            found[name] = (
+                f"{_shots(len(snapshot.unsaved))} only in memory and will be lost: save to another folder (Ctrl+S)"
+            )
         if snapshot.state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
             found["rig"] = "The rig is armed" if snapshot.state is State.ARMED else "A shot is being recorded"
         if self.workbench.session.unsaved:
@@ -197,7 +199,7 @@ class MainWindow(QMainWindow):
         if files := jobs.waiting("open"):
             found["files"] = f"{counted(files, 'recording')} still to be opened"
         if jobs.waiting("diagnosis", "export", PLAN):
-            found["work"] = "A diagnosis, an export or a plan is under way"
+            found["work"] = "A diagnosis, export or plan is still running"
         return found
 
     @Slot(object)
@@ -243,7 +245,7 @@ class MainWindow(QMainWindow):
         if not at_stake.keys() <= self._warned:
             self._warned = frozenset(at_stake)
             words = dict.fromkeys(at_stake.values())
-            self.say(f"{'; '.join(words)}. Close again to quit all the same", Tone.BAD)
+            self.say(f"{'; '.join(words)}. Close again to quit anyway", Tone.BAD)
             event.ignore()
             return
         self._timer.stop()

@@ -20,7 +20,7 @@ POOR_SNR_DB = 15.0
 MOVING_HZ = 10e3  # Doppler shift (3 mm/s) above which the block moves and the SNR of PD1's sweeping beat is meaningless
 CLIPPED_SHARE = 1e-3
 FULL_DISK_BYTES = 2e9
-AT_REST = "The block moves: measured when it is at rest"
+AT_REST = "Not measured while the block moves"
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +38,7 @@ def banner(snapshot: Snapshot, last_shot: LastShot | None, arming: bool = False)
     if arming:
         return "ARMING", "Starting the digitizer; wait for ARMED before you push.", Tone.BUSY
     if state is State.ARMED:
-        again = " Arms again by itself." if snapshot.automatic else ""
+        again = " Re-arms automatically." if snapshot.automatic else ""
         return "ARMED", f"Waiting for the light switch: push the block.{again}{_waiting(snapshot)}", Tone.WAITING
     if state is State.TRIGGERED:
         return "CAPTURED", "The light switch fired; recording the shot.", Tone.GOOD
@@ -67,7 +67,7 @@ def last_shot(entry: Entry) -> LastShot:
     shot, number = entry.shot, entry.number
     if shot is None or shot.problem or shot.impact is None:
         why = (shot.problem if shot is not None else None) or "no impact was found"
-        saved, unsaved = f"Shot {number} is saved, but: {why}.", why
+        saved, unsaved = f"Shot {number} is saved but not analysed: {why}.", why
     else:
         key = "cor_quasi_static"
         cor = stated(shot.impact.cor_quasi_static, key, combined_of(shot))
@@ -121,7 +121,9 @@ def _beat(channel: ChannelSignal) -> Sign:
         return Sign("no beat", Tone.BAD, "No beat above the noise: check laser, alignment and cable")
     words = local(f"{1e-6 * channel.frequency_hz:.5f} MHz  {channel.snr_db:.0f} dB")
     if channel.clipped_fraction > CLIPPED_SHARE:
-        return Sign(f"{words}", Tone.WARNING, f"Clipped: {100 * channel.clipped_fraction:.2g} % of samples at the rail")
+        return Sign(
+            f"{words}", Tone.WARNING, f"Clipped: {100 * channel.clipped_fraction:.2g} % of samples at the range limit"
+        )
     if channel.snr_db < POOR_SNR_DB:
         return Sign(words, Tone.BAD, "Too weak for a clean shot: align the beams")
     if channel.snr_db < GOOD_SNR_DB:
@@ -190,7 +192,7 @@ def verdict_line(entry: Entry | None, effects: Iterable[Effect] = (), holds: boo
     if entry is None or not entry.verdict:
         return "", Tone.NEUTRAL
     if not holds:
-        return joined(tag("s", entry.verdict), " outdated: diagnose again"), Tone.NEUTRAL
+        return joined(tag("s", entry.verdict), " outdated: run Diagnose again"), Tone.NEUTRAL
     of = entry.verdict_of
     if of is None or of.conclusion is None:  # the session file is of an earlier version
         return entry.verdict, Tone.WARNING

@@ -14,7 +14,7 @@ CHANNEL_NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "l
 _BASE_WORDS = {
     "paper": "paper model",
     "clamped": "clamped plate",
-    "no_tension": "paper model without tension",
+    "no_tension": "paper model without tensile contact force",
     "contact": "one body on a contact",
 }
 
@@ -63,7 +63,7 @@ def prefix_for(size: float, unit: str) -> tuple[float, str]:
     return 1.0 / scale, f"{prefix}{unit}"
 
 
-OUTDATED = "This verdict is about another model or other shots: diagnose again"
+OUTDATED = "The model or the shots have changed since this verdict: run Diagnose again"
 
 
 @dataclass(frozen=True, slots=True)

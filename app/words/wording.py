@@ -76,7 +76,7 @@ def how_text(
         if reading.std > 0 and math.isfinite(reading.std):
             said.append(std)
     elif isinstance(reading, NotSeen):
-        said.append(f"Not seen: {reading.reason}")
+        said.append(f"Not measured: {reading.reason}")
     else:
         said.append("No shot yet.")
     return lines(filter(None, said))
@@ -141,7 +141,7 @@ def typed_number(text: str) -> float:
     """
     plain = text.strip().replace("−", "-")
     if plain.count(".") + plain.count(",") > 1:
-        raise ValueError(f"{text} could be read in two ways: write it with one decimal sign and without groups")
+        raise ValueError(f"{text} is ambiguous: use one decimal sign and no thousands separators")
     try:
         value = float(plain.replace(",", "."))
     except ValueError:

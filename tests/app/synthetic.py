@@ -203,5 +203,5 @@ def learned_law() -> LearnedLaw:
     return LearnedLaw(
         own, "block", "place", "exponential", own.formula.text, "exponential",
         {"a": (Quantity(-4e-3, 1e-6), "N"), "b": (Quantity(5e-4, 1e-7), "m")}, (other, far), (), at, "m", force,
-        np.full(31, 1e-5), (-2e-3, 1e-3), ("any part outside the range visited",), {"delta_bic": -900.0}, force,
+        np.full(31, 1e-5), (-2e-3, 1e-3), ("any part outside the range covered",), {"delta_bic": -900.0}, force,
     )  # fmt: skip

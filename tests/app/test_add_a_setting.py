@@ -178,7 +178,7 @@ def test_the_window_diagnoses_within_the_seconds_that_are_set_and_says_what_was_
             time.sleep(0.01)
         assert asked == [7.5]
         assert [event.words for event in events if event.kind is EventKind.PROBLEM] == [
-            "no time for laws in the contact (F2)"
+            "not computed within the diagnosis time limit (F2): laws in the contact"
         ]
     finally:
         bench.close()

@@ -71,7 +71,7 @@ def test_the_sheet_shows_what_each_channel_is_and_proposes_it(qtbot, tmp_path):
     sheet.ask(held, 17.85e-3, None, looks_of(held))
     assert [sheet.boxes[role].currentData() for role in sheet.boxes] == ["CH1", "CH2", "CH3"]
     words = sheet._looks.text()
-    assert "<b>X</b>: counts its rows" in words and "MHz" in words and "beat that moves" in words
+    assert "<b>X</b>: row counter" in words and "MHz" in words and "beat, varying frequency" in words
 
 
 def test_swapped_beats_are_exchanged_for_good(qtbot, tmp_path):

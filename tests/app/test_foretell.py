@@ -56,7 +56,7 @@ def test_a_right_model_foretells_another_motion(tmp_path: Path, capsys: pytest.C
         str(tmp_path / "r.html"),
     ]
     assert main([*arguments, *outputs]) == 0
-    assert "foretold better by" in capsys.readouterr().out
+    assert "predicted better by" in capsys.readouterr().out
     told = json.loads((tmp_path / "out.json").read_text())["foretold"]
     assert told["error_model"]["force_rms_n"] < 0.5 < 5.0 < told["error_base"]["force_rms_n"]
     assert set(told["error_model"]) == {"displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2"}
@@ -77,7 +77,7 @@ def test_a_wrong_model_does_not(tmp_path: Path, capsys: pytest.CaptureFixture[st
     )  # another drive: no friction
     arguments = ["--replay", str(other), "--model", str(tmp_path / "model.toml"), "--foretell", "--no-diagnose"]
     assert main(arguments) == 0
-    assert "foretold not better" in capsys.readouterr().out
+    assert "predicted worse" in capsys.readouterr().out
 
 
 def test_the_window_says_it_in_a_line(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_the_window_says_it_in_a_line(tmp_path: Path) -> None:
     other = record(tmp_path, "other", Drive(friction, seed=5, waves=((0.05, 0.4), (0.02, 1.1)), seconds=12.0))
     shot = load_and_analyse(other)
     said = predictions_of(tmp_path / "model.toml", [shot], lambda _what, _share: None, lambda: False)
-    assert "foretold better by" in said
+    assert "predicted better by" in said
     with pytest.raises(AnalysisError, match="base model, driven"):
         predictions_of(tmp_path / "model.toml", [], lambda _what, _share: None, lambda: False)
 
@@ -108,19 +108,19 @@ def test_the_air_track_foretells_a_run_it_never_saw(measured: Path) -> None:
     told = evaluate_predictions(motions[4:], ["5"], model)
     # the camera alone leaves 40 um; each run's own flights are fitted beside the base as well
     assert told.error_model.displacement_rms_m < 62e-6 < 75e-6 < told.error_base.displacement_rms_m
-    assert "foretold better by" in prediction_words(told)
+    assert "predicted better by" in prediction_words(told)
 
 
 @pytest.mark.parametrize(
     ("base", "model", "begins"),
     [
-        (1e-6, 5e-7, "foretold better by 50%:"),
-        (1e-6, 1e-6, "foretold not better by 0%:"),
-        (1e-6, 1.001e-6, "foretold not better by 0%:"),
-        (1e-6, 3e-6, "foretold not better by 200%:"),
-        (0.0, 1e-6, "foretold not better:"),
-        (0.0, 0.0, "foretold not better:"),
-        (1e-6, float("inf"), "foretold not better:"),
+        (1e-6, 5e-7, "predicted better by 50%:"),
+        (1e-6, 1e-6, "predicted worse by 0%:"),
+        (1e-6, 1.001e-6, "predicted worse by 0%:"),
+        (1e-6, 3e-6, "predicted worse by 200%:"),
+        (0.0, 1e-6, "predicted worse:"),
+        (0.0, 0.0, "predicted worse:"),
+        (1e-6, float("inf"), "predicted worse:"),
     ],
 )
 def test_the_sentence_has_no_endless_share_and_no_minus_nothing(base: float, model: float, begins: str) -> None:

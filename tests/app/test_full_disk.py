@@ -90,7 +90,7 @@ def test_a_disk_that_fills_up_during_a_shot_loses_nothing(
             qtbot.waitUntil(lambda: any(words.startswith(where) for words in _said(window)), timeout=WAIT_MS)
             assert [note for *_, note in _on_disk(disk)] == [""]
             window.close()
-            warned = [words for words in _said(window) if words.endswith("Close again to quit all the same")]
+            warned = [words for words in _said(window) if words.endswith("Close again to quit anyway")]
             assert window.isVisible() and "only in memory" in warned[0] and "would be lost" in warned[0]
 
             make_room(disk)  # and without another change of anything

@@ -148,7 +148,7 @@ def test_the_curve_has_its_band_and_the_forms_that_fit(qtbot):
     panel.show_laws((law,))
     assert not panel.isHidden() and panel.other.isHidden()
     drawn = {curve.label: curve.samples for curve in panel.plot.plot.sampled}
-    assert drawn["what the shots show"] == pytest.approx(1e3 * law.curve_force_n)  # in mN
+    assert drawn["free curve"] == pytest.approx(1e3 * law.curve_force_n)  # in mN
     assert drawn["+ 2 σ"] - drawn["- 2 σ"] == pytest.approx(np.full(31, 4e-2))
     assert drawn["exponential"].size == 31 and "inverse square" not in drawn
     panel.compare.click()

@@ -56,9 +56,9 @@ def test_the_card_offers_a_plan_only_where_a_choice_is_open(card, said):
 def test_the_card_says_what_to_set_what_it_will_show_and_what_it_showed(card, said, qtbot):
     card.show_standing(said, PlanningState(PLAN), None, False)
     assert "0.6 m/s with 50 g added" in card.sentence.text() and "9 noise norms" in card.sentence.text()
-    assert card.take.text() == "ARM for it" and card.plan.isHidden()
+    assert card.take.text() == "ARM for planned shot" and card.plan.isHidden()
     card.show_standing(said, PlanningState(PLAN), None, True)
-    assert card.take.text() == "Set and take it"
+    assert card.take.text() == "Set bench and take shot"
     with qtbot.waitSignal(card.take.clicked):
         card.take.click()
     card.show_standing(said, PlanningState(PLAN), FAST, False)

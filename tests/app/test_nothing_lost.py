@@ -349,7 +349,7 @@ def test_of_many_unlisted_recordings_three_are_named_and_the_rest_counted(away: 
     for count, words in ((3, "shot-0001, shot-0002, shot-0003"), (5, "shot-0001, shot-0002, shot-0003 and 2 more")):
         workbench._take_unlisted(Unlisted(paths[:count]))
         (event,) = workbench.poll()
-        assert event.words == f"{count} recordings in the data folder not in any session: {words}"
+        assert event.words == f"{count} recordings in the data folder are in no session: {words}"
 
 
 def test_a_recording_that_no_session_lists_is_offered_until_it_is_declined(

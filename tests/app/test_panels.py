@@ -573,7 +573,7 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     panel.tried = (named("viscous_drag"),)
     panel.show_diagnosis(left, [shot], (named("viscous_drag"),))
     words = " ".join(label.text() for label in panel.effects.findChildren(QLabel))
-    assert "tried; not named by a diagnosis" in words
+    assert "tried by the operator; not found by a diagnosis" in words
     assert all("viscous" not in button.text() for button in next_buttons(panel.next_steps))
     panel.show_diagnosis(replace(left, verdict=Verdict.PARTLY_EXPLAINED), [shot])
     assert (
@@ -697,7 +697,7 @@ def test_the_band_of_a_diagnosed_residual_says_what_it_is(qtbot, shot):
         panels[1].show_diagnosis(found, [shaken])
         same = of_diagnosis._bands[1].typical == pytest.approx(of_shot._band.typical, rel=1e-9)
         assert same == building
-        assert ("noise and building" if building else "noise as all shots show it") in of_diagnosis._heading.text()
+        assert ("noise and floor vibration" if building else "noise, from all shots") in of_diagnosis._heading.text()
 
 
 @pytest.fixture
@@ -768,11 +768,11 @@ def test_the_band_is_what_the_verdict_was_judged_by(qtbot, shot):
     found = synthetic.diagnosis(shot)
     wandering = replace(found, fit_after=replace(found.fit_after, noise_std_m=7e-9))
     panel.show_shot(shot)
-    assert "noise, wander and building, ±2 σ" in [words for words, _ in panel._legend.entries]
+    assert "noise, path drift and floor vibration, ±2 σ" in [words for words, _ in panel._legend.entries]
     panel.show_shot(shot, judged_by=wandering)
-    assert "noise as all shots show it, ±2 σ" in [words for words, _ in panel._legend.entries]
+    assert "noise, from all shots, ±2 σ" in [words for words, _ in panel._legend.entries]
     panel.show_shot(replace(shot, fit=None))  # no other shot's words
-    assert "noise, wander and building, ±2 σ" in [words for words, _ in panel._legend.entries]
+    assert "noise, path drift and floor vibration, ±2 σ" in [words for words, _ in panel._legend.entries]
 
 
 def test_two_numbers_of_one_kind_have_two_names(qtbot, shot):

@@ -64,7 +64,7 @@ def test_readings_made_again_after_a_diagnosis_say_so_in_result_table_and_report
     assert again.impact.cor_kinetic.contact != shot.impact.cor_kinetic.contact
     told = shot_result(again)["readings_model"]
     assert told == {"base": "paper", "effects": ["viscous_drag"], "readings": ["cor_kinetic.contact"]}
-    assert "made again with model paper + viscous_drag" in summary(again)
+    assert "from model paper + viscous_drag" in summary(again)
     assert "made again" not in summary(shot)
     assert "From the fitted model paper with" in report_of([again])
     assert with_fit(again, shot.fit).readings_fit is None

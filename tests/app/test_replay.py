@@ -347,6 +347,6 @@ def test_a_number_that_lies_far_from_the_model_files_is_named(
     monkeypatch.setattr(replay, "drift", lambda _known, _fit: far)
     replay._say_drift(cast(Any, None), cast(Any, SimpleNamespace(fit_after=None)))
     assert capsys.readouterr().err.splitlines() == [
-        "levimass: plate_mass_kg lies -4.5 standard deviations from the model file's",
-        "levimass: contact_stiffness_n_per_m lies +4.1 standard deviations from the model file's",
+        "levimass: plate_mass_kg deviates by -4.5 σ from the model file",
+        "levimass: contact_stiffness_n_per_m deviates by +4.1 σ from the model file",
     ]

@@ -85,7 +85,7 @@ def test_every_element_is_one_and_the_sections_stand_in_their_order(whole: str) 
     page = Elements(whole)
     assert {name for name, _ in page.elements} <= KNOWN
     assert re.findall("<h3>(.*?)</h3>", whole.split('id="shot-1"')[1]) == [
-        *("Numbers", "Model", "Figures", "Uncertainty budget", "Taken with", "Analysed with", "To repeat it")
+        *("Numbers", "Model", "Figures", "Uncertainty budget", "Taken with", "Analysed with", "How to reproduce")
     ]
 
 
@@ -108,7 +108,7 @@ def test_it_holds_every_number_and_what_makes_it_uncertain(whole: str) -> None:
 def test_the_diagnosis_is_in_it(whole: str) -> None:
     text = Elements(whole).text
     for said in ("effect found", "quadratic drag on the block", "0.00190 ± 0.00010 N s²/m²",
-                 "cannot distinguish it from", "viscous drag", "a wrong wavelength", "two more, at 0.1 m/s",
+                 "cannot distinguish it from", "viscous drag", "a wrong wavelength", "two more shots, at 0.1",
                  "validation shot", "3800", "1.01"):  # fmt: skip
         assert said in text
     one = shot(count=8000)
@@ -122,7 +122,7 @@ def test_the_diagnosis_is_in_it(whole: str) -> None:
 def test_planned_shots_stand_in_the_place_of_a_general_hint() -> None:
     one = shot()
     found = diagnosis(one)
-    assert "two more, at 0.1 m/s and at 0.32 m/s" in Elements(report_of([one], found, made_at=MADE)).text
+    assert "two more shots, at 0.1 and 0.32 m/s" in Elements(report_of([one], found, made_at=MADE)).text
     text = Elements(report_of([one], found, made_at=MADE, next_shots="Two shots at 0.45 m/s would tell")).text
     assert "Two shots at 0.45 m/s would tell" in text
     assert "a shot, some time" not in text
@@ -144,7 +144,7 @@ def test_weights_on_the_block_are_told() -> None:
     assert one.motion is not None
     laden = replace(one, motion=replace(one.motion, moving_mass_kg=one.motion.moving_mass_kg + 0.05))
     text = Elements(report_of([one, laden], diagnosis(one), made_at=MADE)).text
-    assert "Made from 2 shots together: shots 1 as found, 2 with 50.00 g added." in text
+    assert "Based on 2 shots: shots 1 as found, 2 with 50.00 g added." in text
 
 
 def test_who_was_taken_on_which_plate_is_told() -> None:
@@ -154,7 +154,7 @@ def test_who_was_taken_on_which_plate_is_told() -> None:
     first = replace(one, motion=replace(one.motion, plate=thin))
     other = replace(one, motion=replace(one.motion, plate=replace(thin, thickness_m=0.5e-3)))
     text = Elements(report_of([first, one, other], diagnosis(one), made_at=MADE)).text
-    assert "Made from 3 shots together: shots 1-2 on plate 1, 3 on plate 2." in text
+    assert "Based on 3 shots: shots 1-2 on plate 1, 3 on plate 2." in text
 
 
 def test_nothing_foreign_becomes_markup() -> None:

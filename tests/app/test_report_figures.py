@@ -185,7 +185,7 @@ def test_the_analysis_is_told_with_its_settings_signals_and_times() -> None:
     assert _cells(analysed_with(ONE))["time spent"] == "not measured"
     dark = replace(ONE, motion=replace(MOTION, wavelength_m=None, rest_frequency_hz=NotSeen("no PD0"), reference=None))
     said = _cells(analysed_with(dark))
-    assert said["wavelength in air"] == "none: no optics" and said["rest frequency"] == "not seen: no PD0"
+    assert said["wavelength in air"] == "none: no optics" and said["rest frequency"] == "not measured: no PD0"
     assert "reference beat" not in said and "measurement beat" in said
     assert "motion" not in _cells(analysed_with(replace(ONE, motion=None)))
     settings = replace(ONE.settings, effects=effects_named(("quadratic_drag",)))

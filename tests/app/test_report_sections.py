@@ -48,16 +48,16 @@ def test_a_predictions_shots_are_in_the_unit_of_their_heading() -> None:
     page = str(prediction_section(told))
     whole, each = _tables(page)
     assert whole == [
-        ["", "base alone", "whole model"],
+        ["", "base model", "saved model"],
         ["displacement, rms (µm)", "1.5", "0.03"],
         ["velocity, rms (µm/s)", "100", "10"],
         ["force, rms (mN)", "20", "2"],
         ["reduced χ²", "50", "1.15"],
     ]
     assert each == [
-        ["shot", "base alone: displacement, rms (µm)", "whole model", "remarks"],
+        ["shot", "base model: displacement, rms (µm)", "saved model", "remarks"],
         ["one", "0.9", "0.002", ""],
-        ["two", "3", "0.04", "took part in the model’s fit: no test"],
+        ["two", "3", "0.04", "used to fit the model: no test"],
         ["three", "–", "–", "no impact"],
         ["four", "0.5", "–", "not fitted"],
     ]
@@ -78,9 +78,7 @@ def test_errors_before_and_after_stand_beside_those_of_the_shot_held_out() -> No
 def test_a_diagnosis_says_of_what_it_was_made_and_every_effect_it_tried() -> None:
     said = diagnosis(shot())
     page = str(diagnosis_section(said, [shot(), shot("two", seed=3), shot("no", problem="no impact")]))
-    assert "Made from 2 shots together" in page and "Made from 1 shot together" in str(
-        diagnosis_section(said, [shot()])
-    )
+    assert "Based on 2 shots" in page and "Based on 1 shot." in str(diagnosis_section(said, [shot()]))
     (_, tried, *_) = _tables(page)
     assert tried[0] == ["effect", "score", "ΔBIC", "size", "remark"]
     assert [row[:3] for row in tried[1:3]] == [
@@ -91,7 +89,7 @@ def test_a_diagnosis_says_of_what_it_was_made_and_every_effect_it_tried() -> Non
     assert "Evidence: delta bic 812." in page and "cannot distinguish it from viscous drag" in page
     scored = replace(said, candidates=(replace(said.candidates[0], delta_bic=None),))
     assert _tables(str(diagnosis_section(scored, [shot()])))[1][1][2] == "–"
-    assert "The shot that would decide" in str(diagnosis_section(said, [shot()], "throw it faster"))
+    assert "Shot that would distinguish the candidates" in str(diagnosis_section(said, [shot()], "throw it faster"))
 
 
 def test_the_residuals_of_a_diagnosis_are_drawn_where_two_fits_differ() -> None:
@@ -111,7 +109,7 @@ def test_a_learned_law_is_told_with_its_range_and_its_rivals() -> None:
     law = learned_law()
     page = str(diagnosis_section(replace(diagnosis(shot()), laws=(law,)), [shot()]))
     assert "a force of the place</b> on the block: a*exp(-abs(x)/b)" in page
-    assert "Visited from -0.002 to 0.001 m. Not observable: any part outside the range visited." in page
+    assert "Range covered: -0.002 to 0.001 m. Not observable: any part outside the range covered." in page
     assert "do not exclude inverse square (ΔBIC +4.2), hinge (ΔBIC +8.0)." in page
     assert f"a = {law.parameters['a'][0]} N; b = {law.parameters['b'][0]} m" in page
     bare = replace(law, formula=None, same_by_gauge=("it may be a spring",), other_forms=())

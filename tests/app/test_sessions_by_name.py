@@ -36,7 +36,7 @@ def test_a_session_goes_on_under_its_new_name_and_comes_back(workbench, tmp_path
     assert workbench.session.undo() is None
     assert workbench.open_session(run) is None
     assert [entry.note for entry in workbench.session.entries] == ["second"]
-    with pytest.raises(RecordingError, match="another window has this session open"):
+    with pytest.raises(RecordingError, match="this session is open in another window"):
         named_session(run)
     there = last_session(str(run), tmp_path / "second")
     assert there.problem is not None and "another window" in there.problem
@@ -46,7 +46,7 @@ def test_a_session_goes_on_under_its_new_name_and_comes_back(workbench, tmp_path
 def test_what_is_no_session_is_left_as_it_is(workbench, tmp_path):
     other = tmp_path / "result.json"
     other.write_text('{"schema": "levimass.result/1"}')
-    assert "no session" in (workbench.open_session(other) or "")
+    assert "not a Levimass session" in (workbench.open_session(other) or "")
     assert "no such file" in (workbench.open_session(tmp_path / "none.json") or "")
     assert other.read_text() == '{"schema": "levimass.result/1"}' and workbench.session.entries[0].name == "a"
 

@@ -119,16 +119,16 @@ def test_a_law_is_headed_by_where_it_acts_and_told_with_its_rivals(qtbot) -> Non
     law = synthetic.learned_law()
     for where, said in (("block", "on the block"), ("plate", "on the plate"), ("gap", "between block and plate")):
         panel.show_laws((replace(law, where=where),))
-        assert panel._heading.text() == f"LEARNED LAW: a force {said} that follows the place"
+        assert panel._heading.text() == f"LEARNED LAW: a force {said} as a function of place"
     assert panel._words.text() == (
         "closed form: exponential; not excluded: inverse square (ΔBIC +4.2), hinge (ΔBIC +8.0). The plot spans the "
-        "range visited. No shot shows: any part outside the range visited."
+        "range covered. Not observable: any part outside the range covered."
     )
     force = 1e3 * law.curve_force_n
     low, high = panel.plot.plot.view.viewRange()[1]
     assert (low, high) == pytest.approx((force.min() - 0.1 * np.ptp(force), force.max() + 0.1 * np.ptp(force)))
     assert [words for words, _ in panel.plot.legend] == [
-        "what the shots show", "± 2 σ", "closed form: exponential",
+        "free curve", "± 2 σ", "closed form: exponential",
     ]  # fmt: skip
     panel.compare.click()
     assert [words for words, _ in panel.plot.legend][3:] == ["inverse square"]
@@ -160,7 +160,10 @@ def test_a_number_is_poorly_determined_from_a_fifth_on(reading, said) -> None:
 def test_two_restitutions_agree_up_to_three_standard_deviations(qtbot) -> None:
     panel = NumbersPanel()
     qtbot.addWidget(panel)
-    for apart, said in ((2.9, "quasi-static and impulse COR agree"), (4.4, "they differ by 4 σ")):
+    for apart, said in (
+        (2.9, "quasi-static and impulse COR agree"),
+        (4.4, "quasi-static and impulse COR differ by 4 σ"),
+    ):
         first, second = Quantity(0.98, 3e-5), Quantity(0.98 - apart * 5e-5, 4e-5)
         impact = replace(ONE.impact, cor_quasi_static=first, cor_impulse=second)
         panel.show_shot(replace(ONE, impact=impact))

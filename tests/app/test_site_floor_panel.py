@@ -44,8 +44,8 @@ def test_the_four_fastest_lines_are_told_in_the_order_of_their_frequency() -> No
 
 
 def test_the_criterion_and_the_uncertainty_to_expect_are_one_line() -> None:
-    assert floor_words(FLOOR) == "Floor of the site meets VC-D. Expected now: u(COR) 0.0001"
-    assert floor_words(replace(FLOOR, criterion="")).startswith("Floor of the site meets no criterion. Expected")
+    assert floor_words(FLOOR) == "Floor vibration meets VC-D. Expected u(COR) now: 0.0001"
+    assert floor_words(replace(FLOOR, criterion="")).startswith("Floor vibration meets no criterion. Expected")
 
 
 def test_what_costs_is_said_worst_first(panel) -> None:

@@ -239,7 +239,7 @@ def test_a_learned_law_says_which_line_is_which(window):
     shot = panel._shots[0]
     panel.show_diagnosis(replace(synthetic.diagnosis(shot), laws=(synthetic.learned_law(),)), [shot])
     curve = panel.law_curve
-    assert [words for words, _ in curve._legend.entries] == ["what the shots show", "± 2 σ", "closed form: exponential"]
+    assert [words for words, _ in curve._legend.entries] == ["free curve", "± 2 σ", "closed form: exponential"]
     curve.compare.click()
     assert curve._legend.entries[-1][0] == "inverse square" and curve.plot.legend == curve._legend.entries
     curve.compare.click()
@@ -306,7 +306,7 @@ def test_work_that_has_said_nothing_yet_is_called_by_its_name_alone(window):
 def test_what_is_being_done_is_never_cut_in_mid_word(window):
     line, long = (
         window.panels.work,
-        "joint fit of many shots with the new model: finding a start for each of them (+12)",
+        "joint fit of many shots with the changed model: finding a start for each of them (+12)",
     )
     jobs = Jobs()
     line.show_work(jobs, long, 0.5)
@@ -436,7 +436,7 @@ def test_apply_is_within_reach_on_every_screen(window):
 def test_the_time_that_work_still_takes_is_never_cut(window):
     """It stood behind the name of the work, which had the room: "compiling the diagnosis (+1), 19 s l…"."""
     line, jobs, going_on = window.panels.work, Jobs(), threading.Event()
-    long = "joint fit of many shots with the new model, finding a start for each of them"
+    long = "joint fit of many shots with the changed model, finding a start for each of them"
 
     def work(report, _):
         report(long, 0.1)

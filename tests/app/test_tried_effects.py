@@ -14,7 +14,7 @@ from app.window.presenters.diagnosis import DiagnosisPresenter
 from app.window.theme import Theme
 from tests.app import synthetic
 
-TRIED = "tried; not named by a diagnosis"
+TRIED = "tried by the operator; not found by a diagnosis"
 
 
 def test_an_effect_that_was_tried_is_marked_and_one_that_was_found_is_not(qtbot: QtBot) -> None:

@@ -149,7 +149,10 @@ def _entry(conclusion, found=(), words="in words of which nobody reads anything 
 def test_a_verdicts_tone_comes_from_what_was_concluded_and_not_from_its_words(conclusion, found, model, tone, more):
     entry, model = _entry(conclusion, found), effects_named(model)
     assert verdict_line(entry, model) == (entry.verdict + more, tone)
-    assert verdict_line(entry, model, holds=False) == (f"<s>{entry.verdict}</s> outdated: diagnose again", Tone.NEUTRAL)
+    assert verdict_line(entry, model, holds=False) == (
+        f"<s>{entry.verdict}</s> outdated: run Diagnose again",
+        Tone.NEUTRAL,
+    )
 
 
 def test_every_conclusion_is_worded_in_one_place(qtbot):

@@ -125,7 +125,7 @@ def test_in_processes_of_their_own_and_none_stays(folder, monkeypatch):
 def test_what_could_not_be_compiled_leaves_no_mark_and_is_told(folder, order, monkeypatch, capsys):
     monkeypatch.setattr(AtOnce, "is_alive", lambda self: setattr(self, "exitcode", 1))
     assert main(["--prepare"]) == 1
-    assert "not everything could be compiled" in capsys.readouterr().err
+    assert "not all kernels could be compiled" in capsys.readouterr().err
     assert not kernels_module.complete()
 
 

@@ -106,9 +106,9 @@ def told(title: str, lead: str, found: Diagnosis, image: Path | None, page: Path
         lines.append(f"- `{effect.name}`: {evidence}{others}")
     for law in found.laws:
         evidence = ", ".join(f"{key} {value:.4g}" for key, value in law.evidence.items())
-        reach = f"visited from {law.visited[0]:.3g} to {law.visited[1]:.3g} {law.curve_unit}"
+        reach = f"range covered: {law.visited[0]:.3g} to {law.visited[1]:.3g} {law.curve_unit}"
         hidden = "; ".join(law.not_observable)
-        lines.append(f"- a law of the {law.argument}: {evidence}; {reach}; not observable: {hidden}")
+        lines.append(f"- a law as a function of {law.argument}: {evidence}; {reach}; not observable: {hidden}")
     lines += ["", "| error | displacement, m | velocity, m/s | force, N | reduced chi² |", "|---|---|---|---|---|"]
     lines += [errors_row("before", found.error_before), errors_row("after", found.error_after)]
     lines += [errors_row("validation, before", found.error_held_out_before)]

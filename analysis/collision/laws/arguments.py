@@ -115,7 +115,7 @@ class Argument:
         """Return the force with this curve as a catalogue row; the caller must keep the curve alive."""
         return Effect(
             f"law_{self.where}_{self.name}".replace(" ", "_"),
-            f"a force of the {self.name}",
+            f"a force as a function of {self.name}",
             self.acts,
             (Parameter("factor", "", 1.0, fixed=True), Parameter("table", "", curve.address, fixed=True)),
             "factor",

@@ -82,7 +82,9 @@ class Form:
         text = self.formula(argument).text
         name = "law_" + self.name.replace(" ", "_").replace(",", "").replace("-", "_")
         words = (
-            "a force while they touch" if self.name == "constant" else f"a force of the {argument.name}, {self.name}"
+            "a force while they touch"
+            if self.name == "constant"
+            else f"a force as a function of {argument.name}, {self.name}"
         )
         return from_mapping(
             {"name": name, "words": words, "where": argument.where, "formula": text, "parameters": table}

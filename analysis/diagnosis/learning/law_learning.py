@@ -98,7 +98,7 @@ def learn_law(
     for place, learned in enumerate(curves[:FOLLOWED]):
         if fits and learned.least_form_bic > min(one.bic for one in fits) + CRITERIA.form_excluded:
             continue
-        tell(f"reading the curve of the {_argument(learned).name}", 0.84 + 0.03 * place)
+        tell(f"fitting closed forms to the curve of {_argument(learned).name}", 0.84 + 0.03 * place)
         forms = likely_forms(learned, FORMS_FITTED)
         near = [form for form in forms if form.distance <= _NEAR * forms[0].distance + _NEAR_NORMS]
         met = _refined(start, learned, near, fits, stop)
@@ -161,7 +161,7 @@ def rough_curves(
     def one(argument: Argument) -> Learned | None:
         if stop():
             raise Cancelled
-        tell(f"trying a force of the {argument.name}", 0.8)
+        tell(f"trying a force as a function of {argument.name}", 0.8)
         try:
             return screen(before_law, argument, FIRST_PIECES, stop, steps=steps)
         except (Infeasible, ValueError, np.linalg.LinAlgError):

@@ -80,14 +80,14 @@ def as_learned(
         parameters=_parameters(best.law, fitted) if named else {},
         other_forms=tuple(other for other in others if not is_same_function(other, shown, new_n)),
         same_by_gauge=tuple(
-            filter(None, (argument.unseen, *(f"{t.form}, {t.formula}: the same over the range visited" for t in twins)))
+            filter(None, (argument.unseen, *(f"{t.form}, {t.formula}: the same over the range covered" for t in twins)))
         ),
         curve_argument=at,
         curve_unit=argument.unit,
         curve_force_n=_as(curve, shown, gauge(argument, at), std),
         curve_std_n=std,
         visited=(low, high),
-        not_observable=tuple(filter(None, (argument.unseen, "any part outside the range visited"))),
+        not_observable=tuple(filter(None, (argument.unseen, "any part outside the range covered"))),
         evidence={
             "delta_bic": best.bic - start.bic,
             "held_out_chi2": _held_out_chi2(fitted, after, held),

@@ -101,7 +101,7 @@ def _all(shots: Sequence[PredictedShot], which: str) -> Errors:
     """Return the errors of all shots together, with equal weight for every shot."""
     seen = [asdict(getattr(shot, which)) for shot in shots if getattr(shot, which) is not None]
     if not seen:
-        raise AnalysisError(f"no shot could be foretold: {shots[0].problem}")
+        raise AnalysisError(f"no shot could be predicted: {shots[0].problem}")
     mean = {key: float(np.mean([e[key] ** 2 for e in seen])) ** 0.5 for key in seen[0] if key != "reduced_chi2"}
     return Errors(**mean, reduced_chi2=float(np.mean([e["reduced_chi2"] for e in seen])))
 

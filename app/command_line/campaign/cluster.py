@@ -18,11 +18,11 @@ from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost, error_wor
 from app.command_line.outputs import say
 
 _UNSAFE = (
-    "a scheduler in the network without TLS takes work, which is code, from anybody who reaches it: give it as "
-    "tls://HOST:PORT (docs/installing.md), or say --insecure"
+    "a network scheduler without TLS accepts code from anyone who can reach it: use tls://HOST:PORT "
+    "(docs/installing.md) or --insecure"
 )
-_NO_ADDRESS = "is no address of a scheduler: tcp://HOST:PORT or tls://HOST:PORT is expected"
-_NO_CERTIFICATE = "no certificate of your own is in dask's configuration, which TLS needs (docs/installing.md)"
+_NO_ADDRESS = "is not a scheduler address: use tcp://HOST:PORT or tls://HOST:PORT"
+_NO_CERTIFICATE = "TLS needs a certificate of your own in dask's configuration (docs/installing.md)"
 SCHEDULER_ANSWERS_S = 10.0
 SCHEDULER_HANGS_S = 60.0  # longest wait for an answer during a campaign, when the machine may be busy
 WORKERS_COME_S = 5.0  # longest wait for a usable worker when a campaign begins
@@ -106,7 +106,7 @@ class Cluster:
             return task, NotReached(f"lost by its worker ({error_words(error)})")
 
     def _lost(self, cause: str) -> WorkersLost:
-        return WorkersLost(0, f"{cause}; what was done is kept, the same command goes on from there", self._address)
+        return WorkersLost(0, f"{cause}; finished shots are saved; repeat the command to continue", self._address)
 
     def _watch(self) -> None:
         """Update the list of workers, at most once per second.  Raises WorkersLost if none is usable."""
@@ -118,7 +118,7 @@ class Cluster:
                 self._update(self._watching, now)
                 self._watching = None
             elif now - self._watched_at > SCHEDULER_HANGS_S:
-                raise self._lost("the scheduler does not answer any more")
+                raise self._lost("the scheduler no longer answers")
         self._take_checks(now)
         if self._fit:
             self._without_since = now

@@ -57,7 +57,7 @@ class Journal:
         with os.fdopen(os.dup(self._file.fileno()), "rb") as lines:
             entry = _entry_of(lines.readline())
         if entry is None or entry["stamp"] != stamp:
-            raise RecordingError(self.path or Path(JOURNAL), "was changed while it was read; give the command again")
+            raise RecordingError(self.path or Path(JOURNAL), "was changed while being read; repeat the command")
         return entry
 
     def close(self) -> None:
@@ -99,4 +99,4 @@ def _entry_of(line: bytes) -> Entry | None:
 
 
 def _refuse(word: str) -> float:
-    raise ValueError(f"{word} is no number")
+    raise ValueError(f"{word} is not a number")

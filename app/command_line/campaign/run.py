@@ -144,7 +144,7 @@ def _write_results(
         for piece in _result_text(entries()):
             print(piece, end="")
     else:
-        again = f", {missed} not reached (the same command tries them again)" if missed else ""
+        again = f", {missed} not reached (repeat the command to try them again)" if missed else ""
         analysed = len(tasks) - failures - missed
         print(f"{len(tasks)} shots, {analysed} analysed, {failures} failed{again}")
     return 1 if failures or missed or not tasks else 0
@@ -174,7 +174,7 @@ class Progress:
         if self._shown:
             spent = time.monotonic() - self._started
             left = spent / self._done * (self._total - self._done)
-            self._bare.write(f"\r{self._done}/{self._total} shots, {left:.0f} s to go \x1b[K")
+            self._bare.write(f"\r{self._done}/{self._total} shots, {left:.0f} s left \x1b[K")
 
     def say(self, line: str) -> None:
         """Print a line above the counter."""

@@ -73,7 +73,7 @@ class TrendPlot(PlainPlot):
         reach_y = 0.12 * max(high - low, 1e-4 * abs(ys).max(), 1e-12)
         self.show_range((xs.min() - reach_x, xs.max() + reach_x), (low - reach_y, high + reach_y))
         if len(y) < 2:
-            return "One shot: select several for their spread."
+            return "One shot: select several to see the spread."
         spread, mean = float(ys.std(ddof=1)), float(ys.mean())
         unit = f" {trend.shown_unit}" if trend.shown_unit else ""
         return (
@@ -145,7 +145,7 @@ class ComparePanel(Dressed, QWidget):
         self._say = text_label("", self, faint=True, wrap=True)
         bar.addWidget(self._say, 1)
         self._numbers_followed = of_series()
-        hover = "The number plotted against impact speed; a slope means that it is not constant"
+        hover = "Number plotted against impact speed; a slope shows that it depends on speed"
         items = [(with_unit(followed.title, followed.shown_unit), followed.key) for followed in self._numbers_followed]
         self.which = combo_box("Number whose trend is shown", hover, self, items)
         self.which.currentIndexChanged.connect(self._trend_chosen)

@@ -189,7 +189,9 @@ class DiagnosisPanel(QWidget):
         tone, words = Tone(verdict.tone), verdict.brief.upper()
         if self._accepted:
             found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
-            tone, words = (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, THOUGH IN THE MODEL")
+            tone, words = (
+                (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, EFFECTS ALREADY IN THE MODEL")
+            )
         tone, words = (tone, words) if holds else (Tone.NEUTRAL, tag("s", words))
         show_toned(self._verdict, words, tone)
         said = in_words(diagnosis)
@@ -197,9 +199,11 @@ class DiagnosisPanel(QWidget):
         self.bars.show_candidates(diagnosis.candidates, {found.effect for found in diagnosis.effects})
         lines = [f"Remaining residual: {said.remainder}"] if said.remainder else []
         if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:
-            lines.append("χ²/ν is relative to noise estimated from this residual, unexplained part included: so near 1")
+            lines.append(
+                "χ²/ν is relative to noise estimated from this residual, unexplained part included, hence near 1"
+            )
         separating = said.separating_shot and not self.next_steps.isVisibleTo(self)
-        lines += [f"What would separate these: {said.separating_shot}"] if separating else []
+        lines += [f"Shot that would distinguish these: {said.separating_shot}"] if separating else []
         lines += [f"Detection limits: {'; '.join(said.blind_spots)}"] if said.blind_spots else []
         self._blind.setText(local_words("\n".join(lines)))
         self.residuals.show_diagnosis(diagnosis, shots)

@@ -14,7 +14,7 @@ from app.window.theme import MARKS, Dressed, Tone
 from app.window.widgets import clear_layout, horizontal, push_button, text_label, vertical
 from app.words import DASH, effect_numbers, joined, lines, number, tag
 
-TRIED = "tried; not named by a diagnosis"
+TRIED = "tried by the operator; not found by a diagnosis"
 
 
 class EffectRows(QWidget):
@@ -79,7 +79,7 @@ SHOWN = 7  # candidates shown before the button "Show all" is pressed
 HEADINGS = (
     ("candidate", "Effects that were tried, in the order of their evidence"),
     ("−ΔBIC", "Evidence: by how much the effect lowers the Bayesian information criterion; more is better"),
-    ("size (σ)", "Size of what it would explain, in standard deviations of the noise: its norm over that of the noise"),
+    ("size (σ)", "Size of what it explains, in standard deviations of the noise: its norm over that of the noise"),
 )
 NARROWEST = 12  # least width of a name in letters
 
@@ -182,14 +182,16 @@ class CandidateBars(Dressed, QWidget):
         name = text_label(words, inner, bold=chosen, elide=Qt.TextElideMode.ElideRight)
         name.setMinimumWidth(NARROWEST * self.fontMetrics().horizontalAdvance("n"))
         name.setFocusPolicy(Qt.FocusPolicy.TabFocus)
-        name.setAccessibleName(f"{candidate.effect.words}: show what it would explain")
+        name.setAccessibleName(f"{candidate.effect.words}: show what it explains")
         share = math.log10(1.0 + max(0.0, _evidence(candidate))) / math.log10(1.0 + max(most, 10.0))
         bar = Bar(share, chosen, inner)
         bar.dress(self.colours)
         fall = candidate.delta_bic
         evidence = QLabel(DASH if fall is None else number(-fall, 3), inner)
         size = QLabel(number(abs(candidate.score), 3), inner)
-        remark = remark_on(candidate) or ("not fitted in full: its first score was too small" if fall is None else "")
+        remark = remark_on(candidate) or (
+            "not fitted in full: its first-order score was too small" if fall is None else ""
+        )
         numbers = effect_numbers(candidate.effect, candidate.parameters)
         hover = lines((tag("b", candidate.effect.words), remark, numbers))
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter

@@ -38,7 +38,7 @@ class LawCurve(QWidget):
         self.other = push_button("The other law", "Two laws were learned; show the other", self, self._turn)
         hover = "Overlay the other closed forms that fit"
         self.compare = push_button("Compare forms", hover, self, self._draw, checkable=True)
-        self.keep = push_button("Keep as law …", "Save it under a name; later diagnoses include it", self, self._keep)
+        self.keep = push_button("Save law as …", "Save it under a name; later diagnoses include it", self, self._keep)
         for button in (self.other, self.compare, self.keep):
             line.addWidget(button)
         column.addLayout(line)
@@ -46,7 +46,7 @@ class LawCurve(QWidget):
         column.addWidget(self._legend)
         self.plot = PlainPlot("Learned law", ("force", "mN"), "", ALONG, self)
         self._band = [self.plot.add_curve(f"{sign} 2 σ", EDGES) for sign in ("-", "+")]
-        self._curve = self.plot.add_curve("what the shots show", SHOWN)
+        self._curve = self.plot.add_curve("free curve", SHOWN)
         self._form = self.plot.add_curve("closed form", SIMULATED)
         self._form.setZValue(-1)
         self._others = [self.plot.add_curve(f"form {number}", look) for number, look in enumerate(OTHERS, 2)]
@@ -102,7 +102,7 @@ class LawCurve(QWidget):
                 assert other.curve_force_n is not None
                 curve.label = other.form
                 curve.show_points(x, force_scale * other.curve_force_n)
-        legend = [("what the shots show", SHOWN), ("± 2 σ", EDGES)]
+        legend = [("free curve", SHOWN), ("± 2 σ", EDGES)]
         legend.append((f"{'closed form' if law.form else 'nearest form'}: {law.nearest_form}", SIMULATED))
         if self.compare.isChecked():
             legend += [(other.form, look) for other, look in zip(others, OTHERS, strict=False)]
@@ -116,9 +116,9 @@ class LawCurve(QWidget):
         self.plot.show_range((float(x[0]), float(x[-1])), (float(force.min()) - reach, float(force.max()) + reach))
         place = {"block": "on the block", "plate": "on the plate"}.get(law.where, "between block and plate")
         count = f" {self._which + 1} OF {len(self._laws)}" if len(self._laws) > 1 else ""
-        self._heading.setText(f"LEARNED LAW{count}: a force {place} that follows the {law.argument}")
+        self._heading.setText(f"LEARNED LAW{count}: a force {place} as a function of {law.argument}")
         form = f"closed form: {law.form}" if law.form else f"no closed form fits; nearest: {law.nearest_form}"
         listed = [f"{o.form} (ΔBIC {o.delta_bic:+.1f})" for o in law.other_forms]
         also = f"; not excluded: {', '.join(listed)}" if listed else ""
         unseen = "; ".join(law.not_observable)
-        self._words.setText(local_words(f"{form}{also}. The plot spans the range visited. No shot shows: {unseen}."))
+        self._words.setText(local_words(f"{form}{also}. The plot spans the range covered. Not observable: {unseen}."))

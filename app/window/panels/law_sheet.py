@@ -13,9 +13,9 @@ from app.words import typed_number
 PLACES = (("on the block", "block"), ("on the plate", "plate"), ("between block and plate, in contact", "contact"))
 COLUMNS = (("name", ""), ("unit", ""), ("start", ""), ("lower", "optional"), ("upper", "optional"))
 HINT = (
-    "A force in N, positive to the right, of: x, v (place and velocity of the block), y, u (of the plate), d, d_rate "
-    "(overlap and its rate), t (seconds since the first touch); numbers, pi, + - * / **, "
-    f"{' '.join(FUNCTIONS)}. One parameter must turn it off at 0."
+    "A force in N, positive to the right, of: x, v (position and velocity of the block), y, u (of the plate), d, "
+    "d_rate (overlap and its rate), t (seconds since the first touch); numbers, pi, + - * / **, "
+    f"{' '.join(FUNCTIONS)}. The force must vanish if one of the parameters is 0."
 )
 
 
@@ -26,12 +26,12 @@ class LawSheet(Sheet):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Propose a law", parent)
-        column, _ = self.head("Propose a law", "Close; what is typed stays  (Esc)")
+        column, _ = self.head("Propose a law", "Close; the entries are kept  (Esc)")
         column.addWidget(text_label(HINT, self, faint=True, wrap=True))
         form = QFormLayout()
         self.name = self._line("Name", "a word of letters, digits and _")
-        self.words = self._line("In words", "optional: as reports say it")
-        hover = "On which body the force acts; between the two: on the block, reversed on the plate"
+        self.words = self._line("In words", "optional: name in reports")
+        hover = "The body on which the force acts; between the two: on the block, reversed on the plate"
         self.where = combo_box("Where it acts", hover, self, PLACES)
         self.formula = self._line("Formula", "-c * v**3")
         for words, editor in (

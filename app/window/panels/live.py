@@ -72,7 +72,7 @@ class LivePanel(QWidget):
         self._raw_shown: tuple[object, float] = (None, -math.inf)  # (channels, levels) and stream time last drawn
         for line, (name, title, unit, _, _, widest) in enumerate(ROWS):
             grid.addWidget(self._tile(name, title, unit, widest), line, 1)
-        hover = "Freeze the curves to measure on them; samples and shots go on, ARM lets them run  (H)"
+        hover = "Freeze the curves to measure on them; acquisition continues, ARM resumes the curves  (H)"
         self.hold = push_button("Hold", hover, self, checkable=True)
         grid.addWidget(self.hold, 3, 1)
         self.raw = TimeStack("Raw signals, live", self)

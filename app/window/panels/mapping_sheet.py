@@ -25,15 +25,15 @@ from instrument.files import (
 ROLES = {  # role -> (label, tooltip)
     Role.MEASUREMENT: (
         "PD1, moving beat",
-        "The beat of the block that moves; without it there is nothing to measure",
+        "Measurement beat, from the moving block; required",
     ),
     Role.REFERENCE: (
         "PD0, rest beat",
-        "The beat of the fixed mirror; subtracted from the moving one, so that laser drift is not motion",
+        "Reference beat, from the fixed mirror; subtracted from PD1, so that laser drift is not read as motion",
     ),
     Role.SWITCH: (
         "Light switch",
-        "Its step says when the block passed; without it the impact is searched for",
+        "Its step marks the passage of the block; without it the program searches for the impact",
     ),
 }
 NONE = "not in this file"
@@ -45,9 +45,9 @@ NUMBERS = {  # key -> (label, factor to SI units, tooltip, placeholder)
         "Rest frequency (MHz)", 1e6, "The beat of the block at rest, at which the velocity is zero", "only without PD0"
     ),
     "rate_hz": (
-        "Sample rate (MS/s)", 1e6, "Samples a second; every time and velocity scales with it", "as the file says"
+        "Sample rate (MS/s)", 1e6, "Samples per second; every time and velocity scales with it", "as the file says"
     ),
-    "bits": ("Bits of the digitizer", 1.0, "Resolution of the digitizer, for the noise of rounding", ""),
+    "bits": ("Bits of the digitizer", 1.0, "Resolution of the digitizer, for the quantisation noise", ""),
 }  # fmt: skip
 
 
@@ -89,7 +89,7 @@ class MappingSheet(Sheet):
         self.displacement = self._box(form, "Displacement", "A column that is the motion itself, already demodulated")
         self.displacement.currentIndexChanged.connect(self._chosen)
         self.unit = self._box(form, "Displacement in", "As the header states it; choose where it states none")
-        self.model = self._box(form, "Base model", "What the block of the displacement hits")
+        self.model = self._box(form, "Base model", "Model of what the block hits")
         for key, words in MODEL_WORDS.items():
             self.model.addItem(words, key)
         self.edits: dict[str, QLineEdit] = {}
@@ -105,7 +105,7 @@ class MappingSheet(Sheet):
         self.problem.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
         column.addWidget(self.problem)
         hover = "Save the assignment with the file, and open the file  (Enter in a field)"
-        column.addWidget(push_button("Remember and open", hover, self, self.apply, primary=True))
+        column.addWidget(push_button("Save and open", hover, self, self.apply, primary=True))
         column.addStretch(1)
 
     def _box(self, form: QFormLayout, words: str, hover: str) -> QComboBox:
@@ -136,7 +136,7 @@ class MappingSheet(Sheet):
         """Show the form for a file, with the assignment proposed from its channels' ``looks``."""
         self._contents = contents
         self.problem.setText("")
-        said = f" ({contents.format}). The answer is saved with the file."
+        said = f" ({contents.format}). The assignment is saved with the file."
         self._file.setText(joined(tag("b", contents.path.name), said))
         self._looks.setText(lines(map(_look_words, looks)))
         self._looks.setVisible(bool(looks))

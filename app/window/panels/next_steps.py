@@ -45,7 +45,7 @@ class NextSteps(QWidget):
         left = [c for c in diagnosis.candidates if c.effect not in named and c.parameters]
         for candidate in sorted(left, key=lambda c: -abs(c.score))[:MOST_TRIED]:
             remark = f" ({said})" if (said := remark_on(candidate)) else ""
-            hover = f"Add it to the model although it did not pass{remark}; it is marked as tried"
+            hover = f"Add it to the model although it failed a test{remark}; it is marked as tried"
             words = f"Try {candidate.effect.words}"
             self._add(push_button(words, hover, self, self.try_wanted, candidate.effect))
         hover = "Type a law of your own; it is fitted and judged like the others"
@@ -57,17 +57,15 @@ class NextSteps(QWidget):
         button.show()
 
 
-UNPLANNED = (
-    "These data do not decide between the candidates. The program can find the shot that would, if there is one."
-)
+UNPLANNED = "These data do not distinguish the candidates. The program can search for a shot that would."
 
-ARM, SET = "ARM for it", "Set and take it"
+ARM, SET = "ARM for planned shot", "Set bench and take shot"
 ARM_TIP = (
-    "Set the rig as said, then arm: the shot joins this diagnosis. Its mass is that of the block as found with the "
-    "weights added, so leave the settings as they are"
+    "Set the rig as stated, then arm: the shot joins this diagnosis. Its mass is the block's fitted mass plus the "
+    "added masses, so leave the settings unchanged"
 )
-NORMS = "Noise norm: the distance between two models in units of the noise; five or more decide"
-SET_TIP = "The simulated bench is set to this speed and weight, and pushed; the shot joins this diagnosis"
+NORMS = "Noise norm: separation of two models in units of the noise; 5 or more are decisive"
+SET_TIP = "The simulated bench is set to this speed and added mass, and pushed; the shot joins this diagnosis"
 
 
 class NextShotCard(QFrame):
@@ -84,10 +82,10 @@ class NextShotCard(QFrame):
         self.log = text_label("", self, faint=True, wrap=True)
         column.addWidget(self.log)
         row = QHBoxLayout()
-        hover = "Predict every shot this rig can take; find the one that separates the models best"
+        hover = "Predict every shot this rig can take; find the one that separates the models most"
         self.plan = push_button("Plan the deciding shot", hover, self)
         self.take = push_button(ARM, ARM_TIP, self)
-        self.give_up = push_button("Give up", "Stop waiting for the planned shot", self)
+        self.give_up = push_button("Cancel planned shot", "Stop waiting for the planned shot", self)
         for button in (self.plan, self.take, self.give_up):
             row.addWidget(button)
         row.addStretch(1)

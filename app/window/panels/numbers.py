@@ -154,7 +154,7 @@ class NumbersPanel(Dressed, QScrollArea):
         note = text_label(f"the paper's ({local(f'{PAPERS_VALUE:.4f}')} there)", inner, faint=True)
         note.setToolTip("The paper times T1 and T2 between peaks of the force; PAPER (Ctrl+7) has all its numbers")
         hover = "Show the kinetic COR by onsets, by flights and of the fitted contact"
-        self.others = FoldButton("three other definitions", hover, inner)
+        self.others = FoldButton("3 other definitions", hover, inner)
         self.others.toggled.connect(self._folded)
         grid.addWidget(note, line, 0)
         grid.addWidget(self.others, line, 1, 1, 2, Qt.AlignmentFlag.AlignRight)
@@ -250,7 +250,11 @@ class NumbersPanel(Dressed, QScrollArea):
             spread = math.hypot(first.std, second.std)
             apart = abs(first.value - second.value) / spread if spread > 0 else math.inf
             tone = Tone.GOOD if apart <= 3 else Tone.WARNING
-            words = "quasi-static and impulse COR agree" if tone is Tone.GOOD else f"they differ by {apart:.0f} σ"
+            words = (
+                "quasi-static and impulse COR agree"
+                if tone is Tone.GOOD
+                else f"quasi-static and impulse COR differ by {apart:.0f} σ"
+            )
             show_toned(self.agreement, words, tone)
             self.agreement.setToolTip("Difference between quasi-static and impulse COR, relative to their noise")
 
@@ -262,6 +266,8 @@ class NumbersPanel(Dressed, QScrollArea):
         if shot is not None:
             said += [(flag_tone(flag), flag_line(flag)) for flag in by_weight(shot.flags)]
         if self._version:
-            said.append((Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {kept_words(self._version)}; Ctrl+R analyses anew"))
+            said.append(
+                (Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {kept_words(self._version)}; Ctrl+R repeats the analysis")
+            )
         signs = self.colours.signs
         self.flags.setText(lines(tag("span", words, style=f"color: {signs[tone]}") for tone, words in said))

@@ -33,7 +33,7 @@ class Controls(QWidget):
         self.abort.setMinimumWidth(self.fontMetrics().horizontalAdvance("M") * 6)
         self.source.setMinimumHeight(self.arm.minimumHeight())
         self.rearm = QCheckBox("re-arm", self)
-        self.rearm.setToolTip("Re-arm by itself after each shot, until Abort  (R)")
+        self.rearm.setToolTip("Arm again automatically after each shot, until Abort  (R)")
         for widget in (self.source, self.arm, self.abort, self.rearm):
             row.addWidget(widget)
         self.source.activated.connect(self._chosen)

@@ -35,7 +35,7 @@ class _FromTheLeft(QStyledItemDelegate):
 BUTTONS = {
     "open": ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)"),
     "export": ("Export …", "CSV of the selected shots, or of all: a motion file each, and shots.csv  (Ctrl+E)"),
-    "report": ("Report …", "One printable HTML file of the selected shots, or of all  (Ctrl+T)"),
+    "report": ("Report …", "A printable HTML report on the selected shots, or on all  (Ctrl+T)"),
     "reanalyse": ("Re-analyse", "Analyse the selected shots again, as copies, with the present settings  (Ctrl+R)"),
     "remove": ("Remove", "Remove the selected shots from the list; recordings stay on disk  (Del)"),
     "undo": ("Undo", "Undo the last note, removal or change of the model  (Ctrl+Z)"),
@@ -104,7 +104,7 @@ class SessionTable(QFrame):
         header.sectionClicked.connect(self._sort_by)
         header.setToolTip(
             "In brackets: the combined standard uncertainty of the last digits.\n"
-            "Click to sort by this column, again to reverse, once more for the order taken"
+            "Click to sort by this column, click again to reverse, a third time for the order taken"
         )
 
     def _add_order(self, bar: QHBoxLayout) -> None:

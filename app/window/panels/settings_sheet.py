@@ -22,7 +22,7 @@ class SettingsSheet(Sheet):
         self._fields: tuple[Setting, ...] = ()
         self._editors: dict[str, QWidget] = {}
         column, _ = self.head("Settings", "Close without applying  (F2 or Esc)")
-        hint = "They hold for the next shots; each shot keeps the settings it was taken with."
+        hint = "Settings apply to the next shots; each shot keeps the settings with which it was taken."
         column.addWidget(text_label(hint, self, faint=True, wrap=True))
         self._scroll = QScrollArea(self)
         self._scroll.setAccessibleName("Fields of the settings")
@@ -32,7 +32,7 @@ class SettingsSheet(Sheet):
         self.problem = text_label("", self, wrap=True, bold=True)
         self.problem.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
         column.addWidget(self.problem)
-        hover = "Use these from the next shot on  (Enter in a field)"
+        hover = "Apply these settings from the next shot on  (Enter in a field)"
         self._apply = push_button("Apply", hover, self, self.apply, primary=True)
         column.addWidget(self._apply)
 

@@ -68,7 +68,7 @@ class SetupSheet(Sheet):
         permission = QVBoxLayout(self._permission)
         permission.setContentsMargins(0, 8, 0, 0)
         row = QHBoxLayout()
-        row.addWidget(text_label("PERMISSION TO USE IT", self, heading=True), 1)
+        row.addWidget(text_label("PERMISSION TO USE THE DEVICE", self, heading=True), 1)
         row.addWidget(push_button("Copy", "Copy these lines for a terminal", self, self._copy))
         permission.addLayout(row)
         self.remedy = text_label("", self, selectable=True, wrap=True)
@@ -123,7 +123,7 @@ class SetupSheet(Sheet):
     def _add_device(self, line: int, source: str, name: str, where: str, problem: str, present: str) -> None:
         label = text_label(lines((tag("b", name), where)), self, wrap=True)
         used = "In use" if source == present else "Use"
-        button = push_button(used, f"Take the samples from {name}", self, self.source_wanted, source)
+        button = push_button(used, f"Use {name} as the source", self, self.source_wanted, source)
         button.setEnabled(source != present)
         button.setAccessibleName(f"Use {name}")
         self._devices.addWidget(label, 2 * line, 0)

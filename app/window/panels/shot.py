@@ -124,7 +124,7 @@ class ShotPanel(QWidget):
         elif self.view != "gap":
             entries[1] = ("simulated (fitted to this shot)", SIMULATED)
             entries.append(("measured − simulated", RESIDUAL))
-            entries.append((f"{self.motion.band_words or 'noise, wander and building'}, ±2 σ", BAND))
+            entries.append((f"{self.motion.band_words or 'noise, path drift and floor vibration'}, ±2 σ", BAND))
         self._legend.show_entries(entries)
         for plot in self.plots:
             plot.legend = entries

@@ -44,7 +44,7 @@ class MotionView(QObject):
         self._measured = [plot.add_curve("measured", MEASURED) for plot in both]
         self._band = self.residual.add_band()
         self._residual = self.residual.add_curve("measured − simulated", RESIDUAL)
-        hover = "Slow effects show in displacement, where the optics' noise is white; fast ones in force"
+        hover = "Slow effects are clearest in displacement, where the optical noise is white; fast effects in force"
         items = [(words, name) for name, words, _ in RESIDUALS]
         self.kind = combo_box("Which residual the lowest plot shows", hover, parent, items)
         self.kind.currentIndexChanged.connect(self._show_residual)

@@ -18,7 +18,7 @@ UM_PER_S = 1e6
 SHOWN = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
 LABELLED = ("VC-A", "VC-D", "VC-G")  # all seven names would overlap
 MOST_LINES = 4
-NO_FLOOR = "Site vibration: let the block rest for a second or two."
+NO_FLOOR = "Floor vibration: leave the block at rest for one to two seconds."
 
 
 def line_words(floor: SiteFloor) -> list[str]:
@@ -33,7 +33,7 @@ def line_words(floor: SiteFloor) -> list[str]:
 def floor_words(floor: SiteFloor) -> str:
     """Return the vibration criterion met and the expected u(COR) in one line."""
     meets = f"meets {floor.criterion}" if floor.criterion else "meets no criterion"
-    return local_words(f"Floor of the site {meets}. Expected now: u(COR) {floor.cor_std:.1g}")
+    return local_words(f"Floor vibration {meets}. Expected u(COR) now: {floor.cor_std:.1g}")
 
 
 class SiteFloorPanel(Dressed, QWidget):
@@ -43,13 +43,11 @@ class SiteFloorPanel(Dressed, QWidget):
         super().__init__(parent)
         self._shown: SiteFloor | None = None
         row = horizontal(self)
-        self.plot = LogPlot(
-            "Floor of the site in third-octaves", ("velocity", "µm/s"), "frequency (Hz)", FREQUENCY, self
-        )
+        self.plot = LogPlot("Floor vibration in third-octaves", ("velocity", "µm/s"), "frequency (Hz)", FREQUENCY, self)
         self.plot.setFixedHeight(150)
         self._names: list[pg.TextItem] = []
         self._criteria = [self.plot.add_curve(name, Look("marker")) for name in SHOWN]
-        self._curve = self.plot.add_curve("floor of the site", Look("measured", width=3))
+        self._curve = self.plot.add_curve("floor vibration", Look("measured", width=3))
         for name, curve in zip(SHOWN, self._criteria, strict=True):
             level = UM_PER_S * CRITERIA_M_PER_S[name]
             curve.show_points(np.array([8.0, 80.0]), np.array([level, level]))

@@ -214,7 +214,7 @@ class PaperPanel(Dressed, QWidget):
         recording = f" Recording: {result.recording}." if result.recording else ""
         self.said.setText(
             f"{result.authors}: {result.title}. {count[Status.AGREES]} numbers agree as printed, "
-            f"{count[Status.TRACED]} were traced, {count[Status.OPEN]} remain open.{recording}"
+            f"{count[Status.TRACED]} differences are explained, {count[Status.OPEN]} are unresolved.{recording}"
         )
         lines = []
         for section, words in PAPER_SECTIONS.items():

@@ -46,8 +46,8 @@ class WhyCanvas(Dressed, QWidget):
         column = vertical(self, (6, 0, 0, 0))
         top = QHBoxLayout()
         self._heading = text_label("", self, heading=True, wrap=True)
-        hover = "The remainders of the best candidate and of the runner-up side by side"
-        self.neighbour = push_button("Beside its neighbour", hover, self, checkable=True)
+        hover = "Residuals with the best and with the second-best candidate, side by side"
+        self.neighbour = push_button("Compare best two", hover, self, checkable=True)
         self.neighbour.toggled.connect(self._draw)
         top.addWidget(self._heading, 1)
         top.addWidget(self.neighbour)
@@ -135,7 +135,7 @@ class WhyCanvas(Dressed, QWidget):
                 cells.append(Cell(title, cell.time_ms, None, left, cell.noise_m))
         self.grid.show_cells(cells)
         names = [remainder.effect.words for remainder in (first, second)]
-        self._heading.setText("RESIDUAL UNDER THE BEST CANDIDATE AND UNDER ITS NEIGHBOUR")
+        self._heading.setText("RESIDUALS WITH THE BEST AND WITH THE SECOND-BEST CANDIDATE")
         chi2 = [number(remainder.reduced_chi2, 3) for remainder in (first, second)]
         self.said.setText(f"Joint χ²/ν {chi2[0]} with {names[0]}, {chi2[1]} with {names[1]}")
 
@@ -161,13 +161,13 @@ class WhyCanvas(Dressed, QWidget):
             return (), f"{words}: not fitted in full yet"
         colour, rest = self.colours.simulated, self.colours.signs[Tone.GOOD]
         lines = [tag("span", "━", style=f"color:{shown}") for shown in (colour, rest)]
-        return overlays, joined(tag("b", words), ": ", lines[0], " would explain, ", lines[1], f" would remain; {how}")
+        return overlays, joined(tag("b", words), ": ", lines[0], " explained, ", lines[1], f" remaining; {how}")
 
     def _draw_overlay(self) -> None:
         found = self._diagnosis
         if found is None or (self.neighbour.isChecked() and self._pair() is not None):
             return
-        words = "Point at a candidate to see what it would explain and what would remain."
+        words = "Point at a candidate to see what it explains and what remains."
         overlays: Sequence[Overlay | None] = ()
         if self._effect is not None:
             overlays, words = self._explained(found, self._effect)

@@ -224,7 +224,7 @@ class NoteEditor(QLineEdit):
     def __init__(self, text: str, parent: QWidget) -> None:
         super().__init__(text, parent)
         self.setAccessibleName("Note on the plot")
-        self.setPlaceholderText("note; Enter keeps it")
+        self.setPlaceholderText("note; Enter saves it")
         self.setMaxLength(LONGEST)
         self.selectAll()
         self.editingFinished.connect(self._finished)

@@ -168,7 +168,7 @@ class LawsPresenter(QObject):
             self._panels.law.say(str(error), Tone.BAD)
             return
         self._panels.law.hide()
-        self.said.emit(f"The law {law.name!r} is saved in {self._laws.folder}; every diagnosis includes it", Tone.GOOD)
+        self.said.emit(f"The law {law.name!r} is saved in {self._laws.folder} and tried in every diagnosis", Tone.GOOD)
         self.diagnose_wanted.emit()
 
 

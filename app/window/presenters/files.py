@@ -139,7 +139,9 @@ class ModelPresenter(QObject):
         if known is None or known.base == self._choices.settings.model:
             return
         problem = self._choices.change({"model": known.base})
-        words = f"The next shots' base model is now {known.base}; those in the list keep theirs (Ctrl+R: as copies)"
+        words = (
+            f"The base model of the next shots is now {known.base}; listed shots keep theirs (Ctrl+R analyses copies)"
+        )
         self.said.emit(problem or words, Tone.BAD if problem else Tone.NEUTRAL)
 
     @Slot()
@@ -163,11 +165,11 @@ class ModelPresenter(QObject):
 def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:
     """Return a sentence and its tone: whether the fit is outdated, or how well it agrees with the model file."""
     if behind:
-        return "this fit is of an earlier model; the fit with the present one follows", Tone.WARNING
+        return "this fit is of an earlier model; the refit with the present one follows", Tone.WARNING
     if known is None or fit is None:
         return "", Tone.NEUTRAL
     if fit.model != known.base:
-        return f"the model file is of base {known.base}, this fit of {fit.model}", Tone.WARNING
+        return f"the model file has base model {known.base}, this fit has {fit.model}", Tone.WARNING
     far = local_words(drift_words(known, fit))
     words = f"differs from the model file: {far}" if far else "agrees with the model file"
     return words, Tone.WARNING if far else Tone.GOOD

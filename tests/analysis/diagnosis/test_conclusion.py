@@ -173,8 +173,8 @@ def test_what_merely_imitates_the_remainder_has_numbers_without_uncertainties() 
 @pytest.mark.parametrize(
     ("effects", "imitations", "said", "not_said"),
     [
-        ([EFFECT], [], "the model lacks tilt", "mostly like"),
-        ([], [EFFECT], "what is missing is mostly like tilt: angle (1.000 ± 0.010)e-4 rad, which did", "lacks"),
+        ([EFFECT], [], "the model lacks tilt", "mostly resembles"),
+        ([], [EFFECT], "the residual mostly resembles tilt: angle (1.000 ± 0.010)e-4 rad, which failed", "lacks"),
     ],
 )
 def test_the_sentence_says_what_passed_and_what_only_comes_near(
@@ -201,5 +201,5 @@ def test_a_trace_beside_an_adequate_model_is_told(trace: bool) -> None:
         synthetic.diagnosis(synthetic.shot(count=9000)), verdict=Verdict.ADEQUATE, effects=(), remainder=left
     )
     said = words.sentence(adequate)
-    assert said.startswith("The model is adequate: nothing is missing that this data could show.")
-    assert ("A trace that looks like a force of the place (4.6 noise norms) is too faint" in said) is trace
+    assert said.startswith("The model is adequate: no missing effect within the detection limits.")
+    assert ("A trace that resembles a position-dependent force (4.6 noise norms) is too weak" in said) is trace

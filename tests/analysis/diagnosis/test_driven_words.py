@@ -44,10 +44,10 @@ def test_a_verdict_in_a_sentence() -> None:
     held = driven_words.sentence(diagnosis(Verdict.EFFECT_FOUND, (friction, friction), 4.0), evidence())
     assert held.count("; coulomb friction") == 1 and f"{error}, 4 N on the validation half; {against}" in held
     adequate = driven_words.sentence(diagnosis(Verdict.ADEQUATE), evidence())
-    assert adequate == f"Adequate: mass, viscous drag and offset leave nothing to speak of; {against}"
+    assert adequate == f"Adequate: mass, viscous drag and offset explain the force; {against}"
     none = driven_words.sentence(diagnosis(Verdict.UNEXPLAINED), evidence(force_n=0.0))
     assert none == (
-        "Unexplained: 60 N rms remain and no law of the catalogue predicts them; 3 N is inf times what its cycle "
+        "Unexplained: 60 N rms remain and no catalogue law predicts them; 3 N is inf times what its cycle "
         "repeats to (0 N)."
     )
 
@@ -73,7 +73,7 @@ def test_a_stated_mass_is_told_to_be_right_or_wrong() -> None:
             ": friction falls, against Stribeck's sign, from 20 to 8 N towards rest, below some 2 mm/s",
         ),
         ("drive_delay", {"time_s": 0.0012}, ": the motion answers the force 1.2 ms later"),
-        ("drive_delay", {"time_s": -0.0012}, ": the motion answers the force 1.2 ms before it is told"),
+        ("drive_delay", {"time_s": -0.0012}, ": the motion answers the force 1.2 ms earlier"),
         (
             "directional_viscous_drag", {"coefficient_n_s_per_m": -35.0},
             ": 165 N s/m forward, 235 N s/m backward",
@@ -89,7 +89,7 @@ def test_a_law_in_words_and_numbers(law: str, values: dict[str, float], said: st
     one = FoundEffect(LAWS[law], parameters, {}, (LAWS["quadratic_drag"], LAWS["bearing_gradient"]))
     text = driven_words.effect(one, fit)
     assert text.startswith(f"{LAWS[law].short_words}, {LAWS[law].formula}: ")
-    assert text.endswith(f"{said} (as well: quadratic drag, bearing gradient)")
+    assert text.endswith(f"{said} (indistinguishable from: quadratic drag, bearing gradient)")
     for value in parameters.values():
         assert value.in_a_sentence() in text
 
@@ -106,7 +106,7 @@ def test_what_the_records_could_not_show() -> None:
     stated = MassCheck(Quantity(95.0, 0.1), Quantity(95.0, 0.1), True)
     spots = driven_words.blind_spots(evidence(unidentifiable=(friction,)))
     assert spots[0].startswith("anything faster than 12.3 Hz") and "the offset" in spots[1]
-    assert spots[2] == "coulomb friction of any size: in this motion it is a mixture of what is in the model"
+    assert spots[2] == "coulomb friction of any size: in this motion it is a linear combination of effects in the model"
     assert spots[3] == "an error of the force's scale only rescales mass, drag and friction" and len(spots) == 4
     assert driven_words.blind_spots(evidence(stated)) == spots[:2]
     alike = FoundEffect(friction, {}, {}, (LAWS["quadratic_drag"],))
@@ -118,8 +118,8 @@ def test_what_the_records_could_not_show() -> None:
 
 def test_what_remains_goes_with() -> None:
     assert driven_words.remainder(3.0, evidence()) == (
-        "3 N rms remain, 1.5 times what its cycle repeats to (2 N); 12% of their power goes with the direction of "
-        "motion; 46% with the place along the guide; 79% stand in the 10% of samples around reversals"
+        "3 N rms remain, 1.5 times what its cycle repeats to (2 N); 12% of their power is correlated with the "
+        "direction of motion; 46% with the position along the guide; 79% occurs in the 10% of samples around reversals"
     )
     assert driven_words.remainder(3.0, evidence(remainder=None)) == ""
 
@@ -244,5 +244,5 @@ def test_a_drive_is_diagnosed_step_by_step(rms_n: float, explained: bool, monkey
     trying = "trying the laws of a drive"
     assert told == [
         ("fitting mass, drag and offset", 0.0), (trying, 0.1), (trying, pytest.approx(0.45)),
-        ("fitting the whole record", 0.85), ("telling look-alikes apart", 0.9), ("diagnosed", 1.0),
+        ("fitting the whole record", 0.85), ("distinguishing look-alikes", 0.9), ("diagnosed", 1.0),
     ]  # fmt: skip

@@ -100,7 +100,7 @@ def test_effects_that_pass_every_gate_are_named_with_their_numbers(monkeypatch: 
     assert [one.effect for one in made.effects] == [DRAG, TILT] and made.imitations == ()
     assert made.after == ("stop", "likely", stage.best) and (made.nearest, made.linearised) == (stage.best, "at")
     assert made.remainder is None and made.held_out == (4,) and made.predictions == ("before", "told")
-    assert made.before is stage.start and made.laws == () and stage.told == [("telling look-alikes apart", 0.8)]
+    assert made.before is stage.start and made.laws == () and stage.told == [("distinguishing look-alikes", 0.8)]
 
 
 def test_what_is_left_is_told_of_the_model_with_what_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,7 +63,7 @@ def test_what_cannot_come_before_a_criterion_is_not_asked_to_the_end(
     out_of_reach = first.fitted.bic - 3.0 * (start.bic - first.fitted.bic)
     assert learn_law(start, held, tell, lambda: False, beat=out_of_reach) is None
     assert learn_second_law(first, held, tell, lambda: False, beat=out_of_reach) is first
-    assert "trying a force of the place" in told and "learning two laws at once" in told
+    assert "trying a force as a function of place" in told and "learning two laws at once" in told
     assert not any(what.startswith("reading the curve") or what == "learning a second law" for what in told)
 
 

@@ -78,7 +78,7 @@ def test_arguments_that_may_come_to_the_front_are_searched_on(monkeypatch: pytes
     # each gains as much again at most: from 751 no way leads below 500; d is left where it was
     assert screen.curves() == [("c", 470.0), ("a", 475.0)]
     assert sorted(screen.asked[:3]) == ["a", "c", "d"] and sorted(screen.asked[3:]) == ["finer a", "finer c", "finer d"]
-    assert sorted(screen.told) == sorted((f"trying a force of the {name}", 0.8) for name in rough)
+    assert sorted(screen.told) == sorted((f"trying a force as a function of {name}", 0.8) for name in rough)
     many = Screen(monkeypatch, {name: 500.0 + k for k, name in enumerate(NAMES)}, {}, {})
     assert [name for name, _ in many.curves()] == ["a", "b", "c"]
     assert sorted(many.asked[:6]) == sorted("abcdef") and len(many.asked) == 9  # six, and three of them finer
@@ -113,7 +113,10 @@ def test_curves_of_a_law_that_is_known_are_not_sought_again(
     beside: Any = SimpleNamespace(where="block", argument="a")
     screen.told.clear()
     assert len(screen.curves(beside=beside)) == (1 if found else 0)
-    assert sorted(screen.told) == [("trying a force of the a", 0.8), ("trying a force of the b", 0.8)]
+    assert sorted(screen.told) == [
+        ("trying a force as a function of a", 0.8),
+        ("trying a force as a function of b", 0.8),
+    ]
 
 
 class Forms:
@@ -182,7 +185,10 @@ def test_forms_near_a_curve_are_fitted_first_and_the_others_where_none_meets_it(
         "on a1", "on b2", "on a0", "kinks a0",  # within ten of the best, which a0 becomes
     ]  # fmt: skip
     assert forms.known == [[], [510.0, 505.0], [510.0, 505.0, 530.0, 525.0]]
-    assert [what for what, _ in forms.told] == ["reading the curve of the a", "reading the curve of the b"]
+    assert [what for what, _ in forms.told] == [
+        "fitting closed forms to the curve of a",
+        "fitting closed forms to the curve of b",
+    ]
     assert found.fitted.name == "a0" and found.residual == ("left", "a0", "at a0") and found.laws == ("law",)
     ((start, fits, named, after, held),) = forms.read
     assert start.name == "start" and [one.fitted.name for one in fits] == ["a0", "a1", "b2", "b1", "b0"]

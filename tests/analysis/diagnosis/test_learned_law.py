@@ -138,7 +138,7 @@ def test_a_learned_law_is_told_with_its_numbers_its_curve_and_what_it_may_be_ins
         ("linear", "place", 5.0), ("cubic", "bend", pytest.approx(9.9)),
     ]  # fmt: skip
     assert law.other_forms[0].curve_force_n is None
-    same = [words for words in law.same_by_gauge if "the same over the range visited" in words]
+    same = [words for words in law.same_by_gauge if "the same over the range covered" in words]
     assert len(same) == 1 and same[0].startswith("power, odd, ")
     at = np.linspace(-1e-3, 2e-3, 81)
     np.testing.assert_allclose(law.curve_argument, at)
@@ -148,7 +148,7 @@ def test_a_learned_law_is_told_with_its_numbers_its_curve_and_what_it_may_be_ins
     np.testing.assert_allclose(law.curve_std_n, std, rtol=1e-6)
     assert law.visited == (BASIS.knots[0], BASIS.knots[-1]) and law.curve_unit == "m"
     assert law.evidence == {"delta_bic": -60.0, "held_out_chi2": 1.25, "degrees_of_freedom": 3.5}
-    assert law.not_observable[-1] == "any part outside the range visited"
+    assert law.not_observable[-1] == "any part outside the range covered"
     # its curve lies as near to the form as what the base model holds lets it
     assert np.abs(law.curve_force_n - law.form_force_n).max() < 0.05 * np.abs(law.form_force_n).max()
 

@@ -78,17 +78,17 @@ def test_errors_of_several_shots_are_their_rms_and_what_failed_is_left_out() -> 
     assert of_base.displacement_rms_m == pytest.approx(math.sqrt(12.5) * 1e-9)
     assert of_base.force_rms_n == pytest.approx(math.sqrt(50.0))
     assert of_base.reduced_chi2 == 2.5
-    with pytest.raises(AnalysisError, match="no shot could be foretold: no motion"):
+    with pytest.raises(AnalysisError, match="no shot could be predicted: no motion"):
         _all(shots[2:], "error_base")
 
 
 @pytest.mark.parametrize(
     ("base", "model", "words"),
     [
-        (_errors(4e-9), _errors(1e-9), "foretold better by 75%: 0.001 µm rms against 0.004 µm of the base alone"),
-        (_errors(1e-9), _errors(2e-9), "foretold not better by 100%: 0.002 µm"),
-        (_errors(math.nan, 8.0), _errors(math.nan, 2.0), "foretold better by 75%: 2 N rms against 8 N"),
-        (_errors(0.0), _errors(2e-9), "foretold not better: 0.002 µm"),
+        (_errors(4e-9), _errors(1e-9), "predicted better by 75%: 0.001 µm rms against 0.004 µm of the base model"),
+        (_errors(1e-9), _errors(2e-9), "predicted worse by 100%: 0.002 µm"),
+        (_errors(math.nan, 8.0), _errors(math.nan, 2.0), "predicted better by 75%: 2 N rms against 8 N"),
+        (_errors(0.0), _errors(2e-9), "predicted worse: 0.002 µm"),
     ],
 )
 def test_the_sentence_says_by_how_much_and_over_how_many(base: Errors, model: Errors, words: str) -> None:

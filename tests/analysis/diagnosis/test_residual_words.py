@@ -41,7 +41,11 @@ def _fit(scale: float) -> Any:
 
 @pytest.mark.parametrize(
     ("scale", "weight", "said"),
-    [(2.0, 1.0, "0.17 nm rms in displacement above"), (0.99, 1.0, "in all no rms in"), (1.98, 2.0, "in all no rms in")],
+    [
+        (2.0, 1.0, "0.17 nm rms in displacement above"),
+        (0.99, 1.0, "no net rms displacement"),
+        (1.98, 2.0, "no net rms displacement"),
+    ],
 )
 def test_a_residual_within_the_noise_is_not_said_to_be_0_nm(scale: float, weight: float, said: str) -> None:
     fit = _fit(scale)
@@ -54,10 +58,10 @@ def test_a_residual_within_the_noise_is_not_said_to_be_0_nm(scale: float, weight
 def test_what_a_residual_looks_like_has_a_size() -> None:
     misfit = LackOfFit(Freedom.PLACE, 104.0, 63.0, 4)
     said = words.remainder(remainder_of(cast(Any, _fit(2.0)), misfit))
-    assert said.endswith("; it looks like a force of the place (10 noise norms)")
+    assert said.endswith("; it resembles a position-dependent force (10 noise norms)")
     beside = words.remainder(remainder_of(cast(Any, _fit(2.0)), misfit, [CATALOGUE["tilt"]]))
-    assert "best imitated by tilt, which did not pass every test; the residual beside them looks like" in beside
-    assert "looks like" not in words.remainder(remainder_of(cast(Any, _fit(2.0)), NO_MISFIT))
+    assert "best imitated by tilt, which failed a test; the remaining residual resembles" in beside
+    assert "resembles" not in words.remainder(remainder_of(cast(Any, _fit(2.0)), NO_MISFIT))
 
 
 def test_every_kind_of_remainder_and_standing_has_words() -> None:

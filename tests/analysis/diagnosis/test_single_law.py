@@ -22,7 +22,7 @@ def test_a_law_that_explains_all_ends_the_search() -> None:
     found = diagnose(rig.shots((0.15, 0.3)), progress=lambda what, _fraction: told.append(what))
     assert found.verdict is Verdict.LAW_LEARNED
     assert [(law.where, law.argument, law.form) for law in found.laws] == [("block", "place", "exponential")]
-    assert "trying a force of the place" in told
+    assert "trying a force as a function of place" in told
     assert "searching from other first effects" not in told
 
 

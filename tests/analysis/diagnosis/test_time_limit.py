@@ -80,7 +80,9 @@ def test_what_is_seen_to_be_missing_is_told_without_time_for_the_catalogue_too(m
     monkeypatch.setattr(Limit, "__call__", lambda self: True)
     found = diagnose(shots({"coulomb_friction": {"force_n": 1e-4}}))
     assert found.verdict is Verdict.UNEXPLAINED and "effects of the catalogue" in found.not_asked
-    assert in_words(found).sentence.startswith("Unexplained: something is missing, and there was no time to try the")
+    assert in_words(found).sentence.startswith(
+        "Unexplained: the residual is significant and the catalogue was not tried"
+    )
 
 
 def test_what_is_done_in_time_leaves_nothing_out() -> None:

@@ -57,7 +57,7 @@ def test_a_found_effect_alone_in_its_class_and_among_too_many() -> None:
     many = effects_named(("viscous_drag", "tilt", "block_mode", "quadratic_drag", "sensor_drift"))
     assert " or " in words.found(found(FRICTION, *many))
     assert words.found(found(FRICTION, *many, named("plate_damping"))) == (
-        f"a further small effect whose form this data does not determine (best as {FRICTION.short_words}: {size})"
+        f"a further small effect whose form these data do not determine (best fit: {FRICTION.short_words}: {size})"
     )
 
 
@@ -67,40 +67,40 @@ def test_the_verdict_in_sentences() -> None:
     assert words.sentence(both) == f"{lacks} Residual reduced to 25 %."
     assert words.sentence(diagnosis(Verdict.EFFECT_FOUND, both.effects, 0.996)) == lacks
     assert words.sentence(diagnosis(Verdict.EFFECT_FOUND, both.effects, 0.994)).endswith("reduced to 99 %.")
-    adequate = "The model is adequate: nothing is missing that this data could show."
+    adequate = "The model is adequate: no missing effect within the detection limits."
     assert words.sentence(diagnosis(Verdict.ADEQUATE)) == adequate
     assert words.sentence(diagnosis(Verdict.ADEQUATE, remainder=LEFT)) == (
-        f"{adequate} A trace that looks like a force of the place (12.4 noise norms) is too faint to be told from"
-        " noise."
+        f"{adequate} A trace that resembles a position-dependent force (12.4 noise norms) is too weak to distinguish"
+        " from noise."
     )
     left = words.remainder(LEFT)
     for compared, said in (
-        (True, " that no effect of the catalogue accounts for"),
-        (False, ", and there was no time to try the effects of the catalogue"),
+        (True, " and no catalogue effect accounts for it"),
+        (False, " and the catalogue was not tried within the time limit"),
     ):
         none = diagnosis(Verdict.UNEXPLAINED, remainder=LEFT, compared=compared)
-        assert words.sentence(none) == f"Unexplained: something is missing{said}: {left}."
+        assert words.sentence(none) == f"Unexplained: the residual is significant{said}: {left}."
     partly = diagnosis(Verdict.PARTLY_EXPLAINED, (found(FRICTION),), remainder=LEFT, imitated_by=(found(TILT),))
     assert words.sentence(partly) == (
-        f"Partly explained: the model lacks {words.found(found(FRICTION))}; what remains is mostly like "
-        f"{words.found(found(TILT))}, which did not pass every test; a significant residual remains: {left}."
+        f"Partly explained: the model lacks {words.found(found(FRICTION))}; the remaining residual mostly "
+        f"resembles {words.found(found(TILT))}, which failed a test; a significant residual remains: {left}."
         " Residual reduced to 25 %."
     )
     alike = diagnosis(Verdict.PARTLY_EXPLAINED, imitated_by=(found(TILT),))
     assert words.sentence(alike).startswith(
-        f"Partly explained: what is missing is mostly like {words.found(found(TILT))}, which did not pass every test; "
+        f"Partly explained: the residual mostly resembles {words.found(found(TILT))}, which failed a test; "
         "residual consistent with noise."
     )
     assert words.sentence(diagnosis(Verdict.PARTLY_EXPLAINED, (found(FRICTION),))).startswith(
-        f"Partly explained: the model lacks {words.found(found(FRICTION))}; it did not pass every test; "
+        f"Partly explained: the model lacks {words.found(found(FRICTION))}; it failed a test; "
         "residual consistent with noise."
     )
 
 
 def test_a_remainder_in_words() -> None:
     assert words.remainder(LEFT) == (
-        "2.3 nm rms in displacement above the white noise of 0.1 nm, loading 5 nm, flight out 3.2 µm; its size goes as "
-        "the speed to the power 2.0; a line stands at 417 Hz; it looks like a force of the place (12 noise norms)"
+        "2.3 nm rms in displacement above the white noise of 0.1 nm, loading 5 nm, flight out 3.2 µm; its size scales "
+        "as speed^2.0; spectral line at 417 Hz; it resembles a position-dependent force (12 noise norms)"
     )
     assert words.remainder(None) == "residual consistent with noise"
 
@@ -116,7 +116,7 @@ def test_what_each_shot_has_for_itself_is_told_by_its_span() -> None:
 
     fit: Any = SimpleNamespace(shots=[shot(0.012, -0.02), shot(-0.015, 0.01)])
     assert words.nuisance_sentence(fit) == (
-        " Each shot has its own flight acceleration: before the contact -0.015 to 0.012, after the contact -0.02 to "
+        " Fitted per shot: flight acceleration, before the contact -0.015 to 0.012, after the contact -0.02 to "
         "0.01 m/s²."
     )
     none: Any = SimpleNamespace(shots=[SimpleNamespace(own_parameters={"tilt.a": Quantity(1.0, 0.0)})])
@@ -140,17 +140,17 @@ def test_blind_spots_in_words() -> None:
     [
         (
             (found(DRAG, SQUARE),), (0.2, 0.31),
-            "two more, at 0.1 m/s and at 0.5 m/s: each goes with the speed its own way",
+            "two more shots, at 0.1 and 0.5 m/s: the candidates depend differently on speed",
         ),
         ((found(DRAG, SQUARE),), (0.2, 0.33), "two more shots at 0.49 m/s, and more than one at 0.2 m/s"),
         ((found(DRAG),), (0.2, 0.33), ""),
         (
             (found(named("sensor_drift"), FRICTION),), (0.2, 0.33),
-            "a slow shot, at 0.06 m/s, recorded for as long as it flies: what drifts grows with time",
+            "a slow shot at 0.06 m/s, recorded over the whole flight: drift effects grow with time",
         ),
         (
             (found(FRICTION, named("sensor_drift"), DRAG),), (0.2, 0.33),
-            "a slow shot, at 0.06 m/s, recorded for as long as it flies: what drifts grows with time",
+            "a slow shot at 0.06 m/s, recorded over the whole flight: drift effects grow with time",
         ),
     ],
 )  # fmt: skip
@@ -171,11 +171,11 @@ def law(**changes: Any) -> Any:
 
 def test_a_learned_law_in_a_sentence() -> None:
     size = f"a {FORCE.in_a_sentence()} N/m³"
-    assert words.learned(law()) == f"a force on the block that follows the place, cubic: a*x**3 with {size}"
+    assert words.learned(law()) == f"a force on the block as a function of place, cubic: a*x**3 with {size}"
     contact = law(where="contact", argument="overlap", form="constant", formula="a")
     assert words.learned(contact) == f"a force between block and plate while they touch, constant: a with {size}"
     assert words.learned(law(form=None)) == (
-        "a force on the block that follows the place, by no closed form that was tried (nearest: cubic)"
+        "a force on the block as a function of place, which matches no tested closed form (nearest: cubic)"
     )
     others = (
         SimpleNamespace(form="linear", where="block", argument="place"),
@@ -187,7 +187,7 @@ def test_a_learned_law_in_a_sentence() -> None:
 def test_a_trace_is_told_only_where_it_has_a_shape() -> None:
     seen = words.sentence(diagnosis(Verdict.ADEQUATE, remainder=LEFT))
     assert seen.endswith(
-        " A trace that looks like a force of the place (12.4 noise norms) is too faint to be told from noise."
+        " A trace that resembles a position-dependent force (12.4 noise norms) is too weak to distinguish from noise."
     )
     bare = words.sentence(diagnosis(Verdict.ADEQUATE))
     shapeless = replace(LEFT, looks_like=None)

@@ -217,7 +217,7 @@ def test_shots_within_a_tenth_of_the_speed_are_alike(speed: float, alike: bool) 
     row = repeatability(own, [own, at_speed("other", speed, 0.984, 1e-7)])
     if alike:
         assert (
-            row.std == pytest.approx(4e-3 / math.sqrt(2.0), rel=1e-3) and "2 shots at a like speed, beyond" in row.how
+            row.std == pytest.approx(4e-3 / math.sqrt(2.0), rel=1e-3) and "2 shots at similar speed, beyond" in row.how
         )
     else:
         assert (row.std, row.contribution) == (None, 0.0) and "no other shot" in row.how

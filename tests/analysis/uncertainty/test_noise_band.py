@@ -112,9 +112,11 @@ def test_the_noise_that_a_diagnosis_learnt_is_drawn_where_it_explained_its_shots
     found = replace(found, verdict=verdict, fit_after=replace(found.fit_after, noise_std_m=times * white_m))
     shown, words = diagnosed_band(found, shot)
     if learnt:
-        assert shown == pytest.approx(times * white_m) and words == "noise as all shots show it"
+        assert shown == pytest.approx(times * white_m) and words == "noise, from all shots"
     else:
-        assert shown == pytest.approx(band_of(shot).displacement_m, nan_ok=True) and words == "noise and building"
+        assert (
+            shown == pytest.approx(band_of(shot).displacement_m, nan_ok=True) and words == "noise and floor vibration"
+        )
     band, said = judged_band(shot, found)
     assert said == words and band.displacement_m == pytest.approx(shown, nan_ok=True)
     assert band.force_n == pytest.approx(band_of(shot).force_n, nan_ok=True)

@@ -47,7 +47,7 @@ def test_every_uncaught_exception_is_in_the_log_and_a_line_on_the_screen(tmp_pat
         thread.join()
     finally:
         log.close()
-    said = "a fault of the program: {} (the log tells where: Help, Log folder)"
+    said = "a fault of the program: {} (see the log: Help, Log folder)"
     assert log.take_problems() == [said.format("ValueError: two lines"), said.format("KeyError: 'lost'")]
     assert log.take_problems() == [] and sys.excepthook is sys.__excepthook__
     text = (tmp_path / "logs" / NAME).read_text()
@@ -56,7 +56,7 @@ def test_every_uncaught_exception_is_in_the_log_and_a_line_on_the_screen(tmp_pat
     blocked = ProgramLog(tmp_path / "taken" / "logs")
     blocked.install()
     blocked.close()
-    assert blocked.take_problems()[0].startswith("no log is kept: ")
+    assert blocked.take_problems()[0].startswith("no log file is written: ")
     assert capsys.readouterr().err.count("ValueError") == 1
 
 
@@ -194,7 +194,7 @@ def test_the_same_session_is_not_opened_or_saved_again(tmp_path):
     assert bench.save_session(path) is None and bench.session.path == path
     assert "no such file" in bench.open_session(tmp_path / "other.json")
     (tmp_path / "other.json").write_text("{}")
-    assert "no session" in bench.open_session(tmp_path / "other.json") and bench.session.entries is before
+    assert "not a Levimass session" in bench.open_session(tmp_path / "other.json") and bench.session.entries is before
     bench.close()
     bench = Workbench(Session(), AnalysisSettings)
     assert bench.usual_session() == "this window has no session file"

@@ -189,7 +189,7 @@ def test_a_fit_is_held_against_the_model_file_in_use(tmp_path):
     words, tone = _agreement(known, replace(shot.fit, parameters=far), False)
     assert words == "differs from the model file: plate stiffness +23.6 σ" and tone is Tone.WARNING
     assert _agreement(known, replace(shot.fit, model="contact"), False) == (
-        "the model file is of base paper, this fit of contact", Tone.WARNING,
+        "the model file has base model paper, this fit has contact", Tone.WARNING,
     )  # fmt: skip
     assert _agreement(None, None, True)[1] is Tone.WARNING and "earlier model" in _agreement(known, shot.fit, True)[0]
 
@@ -200,8 +200,8 @@ def test_a_model_file_makes_its_base_that_of_the_next_shots(window, tmp_path):
     window.workbench.model._loaded = known
     settle(window)
     assert window._choices.settings.model == "clamped"
-    assert any("base model is now clamped" in line and line.startswith("neutral") for line in _said(window))
-    assert "the model file is of base clamped, this fit of paper" in _known(window, FIRST)
+    assert any("base model of the next shots is now clamped" in line and line.startswith("neutral") for line in _said(window))
+    assert "the model file has base model clamped, this fit has paper" in _known(window, FIRST)
     window._choices.change({"model": "paper"})
     window.workbench.model._loaded = None
     settle(window)
@@ -224,7 +224,7 @@ def test_a_law_is_saved_and_diagnosed_with_or_refused_in_its_sheet(window, calls
     assert not panels.law.isVisible() and calls == ["workbench.diagnose([1])"]
     (words,) = _said(window)
     assert words.startswith("good: The law 'law_exponential' is saved in ") and words.endswith(
-        "every diagnosis includes it"
+        "and tried in every diagnosis"
     )
     panels.diagnosis.next_steps.law_wanted.emit()
     assert panels.law.isVisible()

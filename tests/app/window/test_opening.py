@@ -89,7 +89,7 @@ def test_closing_asks_once_where_something_is_at_stake_and_saves_the_window(open
     window.closeEvent(event)
     assert not event.isAccepted() and not closed
     newest = window.panels.work.notices.words
-    assert newest == "1 shot is only in memory; The rig is armed. Close again to quit all the same"
+    assert newest == "1 shot is only in memory; The rig is armed. Close again to quit anyway"
     at_stake.pop("rig")
     window.pull()  # the rig no longer is: it would be said anew
     at_stake["rig"] = "The rig is armed"

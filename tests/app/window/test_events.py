@@ -200,7 +200,7 @@ def test_a_model_file_makes_its_base_that_of_the_next_shots(window, tmp_path):
     window.workbench.model._loaded = known
     settle(window)
     assert window._choices.settings.model == "clamped"
-    assert any("base model of the next shots is now clamped" in line and line.startswith("neutral") for line in _said(window))
+    assert any("next shots is now clamped" in line and line.startswith("neutral") for line in _said(window))
     assert "the model file has base model clamped, this fit has paper" in _known(window, FIRST)
     window._choices.change({"model": "paper"})
     window.workbench.model._loaded = None

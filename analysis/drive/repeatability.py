@@ -65,7 +65,7 @@ def _cycle_pairs(table: Table) -> Iterator[Pass]:
             continue
         both = np.isfinite(place[:-lag]) & np.isfinite(place[lag:])
         cycle_s = lag * stretch.step / stretch.sample_rate_hz
-        yield at[:-lag][both], at[lag:][both], f"what its cycle of {cycle_s:.4g} s repeats to", cycle_s
+        yield at[:-lag][both], at[lag:][both], f"the repeatability of its cycle of {cycle_s:.4g} s", cycle_s
 
 
 def _cycle_lag(place: Floats) -> int | None:
@@ -109,7 +109,7 @@ def _record_pairs(table: Table) -> Iterator[Pass]:
         moved = _relative_difference(table.displacement_m[a], table.displacement_m[b])
         driven = _relative_difference(force[a], force[b])
         if min(moved, driven) < ALIKE:
-            yield a, b, "what records of one input repeat to", None
+            yield a, b, "the record-to-record repeatability for one input", None
 
 
 def _places(table: Table, record: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:

@@ -193,7 +193,7 @@ def learned_law() -> LearnedLaw:
     force = -4e-3 * np.exp(-np.abs(at) / 5e-4)
     own = from_mapping(
         {
-            "name": "law_exponential", "words": "a force of the place, exponential", "where": "block",
+            "name": "law_exponential", "words": "a force as a function of place, exponential", "where": "block",
             "formula": "a*exp(-abs(x)/b)",
             "parameters": {"a": {"unit": "N", "start": -4e-3}, "b": {"unit": "m", "start": 5e-4, "lower": 1e-6}},
         }

@@ -78,10 +78,10 @@ def test_a_scheduler_that_does_not_answer(
 @pytest.mark.parametrize(
     ("address", "words"),
     [
-        ("tls://127.0.0.1:9", "no certificate of your own"),
-        ("tcp://127.0.0.1:port", "is no address of a scheduler"),
-        ("inproc://here", "is no address of a scheduler"),
-        ("TCP://127.0.0.1:9", "is no address of a scheduler"),
+        ("tls://127.0.0.1:9", "TLS needs a certificate of your own"),
+        ("tcp://127.0.0.1:port", "is not a scheduler address"),
+        ("inproc://here", "is not a scheduler address"),
+        ("TCP://127.0.0.1:9", "is not a scheduler address"),
     ],
 )
 def test_a_scheduler_that_cannot_be_connected_to_is_said_in_one_line(
@@ -136,9 +136,9 @@ def test_a_terminal_is_told_how_many_shots_are_done_and_how_long_the_others_take
         progress.step()
     progress.end()
     assert "7 shots were analysed by an earlier call" in terminal.getvalue()
-    lines = [line for line in terminal.getvalue().split("\r") if "to go" in line]
+    lines = [line for line in terminal.getvalue().split("\r") if "s left" in line]
     assert [line.split(" \x1b")[0] for line in lines] == [
-        f"{done}/10 shots, {left} s to go" for done, left in ((1, 27), (2, 24), (3, 21), (4, 18))
+        f"{done}/10 shots, {left} s left" for done, left in ((1, 27), (2, 24), (3, 21), (4, 18))
     ]
     terminal.truncate(0)
     monkeypatch.setattr(terminal, "isatty", lambda: False)

@@ -161,7 +161,7 @@ def test_a_client_that_breaks_while_work_is_handed_out(monkeypatch: pytest.Monke
     task = Task("/shots/a.sigmf-meta", None, None, None, True, "stamp", ())  # type: ignore[arg-type]
     workers = parts.Cluster("tcp://127.0.0.1:2", [task])
     workers.give(task)
-    with pytest.raises(WorkersLost, match="the scheduler is gone; what was done is kept"):
+    with pytest.raises(WorkersLost, match="the scheduler is gone; finished shots are saved"):
         for _ in range(100):
             workers.take()
     workers.close()

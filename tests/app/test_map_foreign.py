@@ -51,7 +51,7 @@ def test_the_listing_shows_what_to_say(tmp_path: Path, capsys: pytest.CaptureFix
     said = capsys.readouterr().out
     assert "'PD1': 100 samples" in said and "rate not stated" in said
     intro, example = next(pair for pair in pairwise(said.splitlines()) if "--channel measurement" in pair[1])
-    assert "no mapping is remembered" in intro and intro.endswith("for example")
+    assert "no mapping is saved" in intro and intro.endswith("for example")
     assert main(shlex.split(example.replace("HZ", "1e7"))[1:]) == 0
     table.with_name(f"{table.name}.levimass.toml").unlink()
     capsys.readouterr()

@@ -178,7 +178,7 @@ def test_a_number_in_the_session_s_table_says_on_hovering_what_it_is(qtbot, shot
             assert model.index(0, column).data().partition("(")[0] in hover
             assert ("standard uncertainty" in hover) == (reading.std > 0.0)
         else:
-            assert "Not seen" in hover or "No shot" in hover
+            assert "Not measured" in hover or "No shot" in hover
     assert told >= 4
 
 

@@ -18,7 +18,7 @@ def test_table_and_result(capsys: pytest.CaptureFixture[str], tmp_path: Path) ->
     assert written["schema"] == "levimass.paper/1" and written["recording"] is None
     for row in written["rows"]:
         assert row["what"] in text
-    assert len(written["open"]) == text.count("  open: ") == 4
+    assert len(written["open"]) == text.count("  unresolved: ") == 4
     assert "0.2617023" in text and "0.2618907" in text and "recording" not in text.splitlines()[4]
     assert "{" not in text
 

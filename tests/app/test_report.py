@@ -134,9 +134,9 @@ def test_an_effect_that_no_diagnosis_named_is_told(tmp_path: Path) -> None:
     fit = replace(one.fit, effects=effects_named(("tilt", "adhesion")))
     tried = replace(one, fit=fit, path=str(tmp_path / "a"), settings=replace(one.settings, effects=fit.effects))
     text = Elements(report_of([tried], made_at=MADE, tried=effects_named(("adhesion", "cyclic_error")))).text
-    assert "not named by a diagnosis: adhesion at release." in text  # and not the one that is not in the model
+    assert "not found by a diagnosis: adhesion at release." in text  # and not the one that is not in the model
     assert 'tried = ["adhesion"]' in text
-    assert "not named by a diagnosis" not in Elements(report_of([tried], made_at=MADE)).text
+    assert "not found by a diagnosis" not in Elements(report_of([tried], made_at=MADE)).text
 
 
 def test_weights_on_the_block_are_told() -> None:
@@ -301,7 +301,7 @@ def test_a_figure_bears_its_title_and_says_what_it_shows() -> None:
     titles = ["The shot.", "Residual.", "First contact.", "Force against deflection.", "Gap."]
     assert [title for title, _ in captions] == titles
     for (_, words), said in zip(
-        captions, ("over the whole shot", "noise", "bounces", "slope", "Distance"), strict=True
+        captions, ("over the whole shot", "noise", "Bounces", "slope", "Distance"), strict=True
     ):
         assert said in words
 

@@ -61,7 +61,7 @@ def test_a_predictions_shots_are_in_the_unit_of_their_heading() -> None:
         ["three", "–", "–", "no impact"],
         ["four", "0.5", "–", "not fitted"],
     ]
-    assert f"Model paper with {effects[0].words}, as it was saved" in page
+    assert f"Model paper with {effects[0].words}, as saved" in page
     assert "with no effect," in str(prediction_section(replace(told, effects=())))
 
 
@@ -108,7 +108,7 @@ def test_the_residuals_of_a_diagnosis_are_drawn_where_two_fits_differ() -> None:
 def test_a_learned_law_is_told_with_its_range_and_its_rivals() -> None:
     law = learned_law()
     page = str(diagnosis_section(replace(diagnosis(shot()), laws=(law,)), [shot()]))
-    assert "a force of the place</b> on the block: a*exp(-abs(x)/b)" in page
+    assert "force on the block</b> as a function of place: a*exp(-abs(x)/b)" in page
     assert "Range covered: -0.002 to 0.001 m. Not observable: any part outside the range covered." in page
     assert "do not exclude inverse square (ΔBIC +4.2), hinge (ΔBIC +8.0)." in page
     assert f"a = {law.parameters['a'][0]} N; b = {law.parameters['b'][0]} m" in page

@@ -59,4 +59,4 @@ def test_a_planned_shot_is_taken_as_it_was_planned(
     assert module._planned(planned, taken, request, 2) == tmp_path / "third"
     assert asked == [opened]
     said = capsys.readouterr().err
-    assert planned.words in said and ("please set, then push" in said) is not is_bench(source)
+    assert planned.words in said and ("set the rig, then push the block" in said) is not is_bench(source)

@@ -213,7 +213,7 @@ def test_a_source_that_does_not_let_go_is_said(rig, ends: bool, held: bool, said
     _until(lambda: rig.latest().state is State.FAULT and not rig._orders and rig._running is None)
     problems = rig.take_problems()
     assert capture.told == [("close", None)] and len(problems) == said
-    assert all(problem.startswith("bench?seed=1 did not end in time") for problem in problems)
+    assert all(problem.startswith("bench?seed=1 did not close in time") for problem in problems)
 
 
 def test_a_planned_change_holds_until_a_source_is_opened(rig) -> None:

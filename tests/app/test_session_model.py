@@ -123,14 +123,14 @@ def test_numbers_stand_at_the_right_with_their_combined_uncertainty_and_say_what
         assert _shown(model, 0, place) == concise_text(reading, column.number.scale) == _shown(model, 0, place, EDIT)
         said = str(_shown(model, 0, place, HOVER))
         assert ("combined" in said) == (isinstance(reading, Quantity) and std is not None), column.head
-        assert ("Not seen" in said) == isinstance(reading, NotSeen)
+        assert ("Not measured" in said) == isinstance(reading, NotSeen)
         assert _shown(model, 1, place) == "–" and "No shot yet" in str(_shown(model, 1, place, HOVER))
 
 
 def test_a_verdict_about_another_model_is_struck_out_and_says_so(model) -> None:
     assert _shown(model, 0, VERDICT, FONT).strikeOut()  # type: ignore[union-attr]
     assert _shown(model, 0, VERDICT, EDIT) == "tilt + adhesion (of another model)"
-    assert "diagnose again" in str(_shown(model, 0, VERDICT, HOVER))
+    assert "run Diagnose again" in str(_shown(model, 0, VERDICT, HOVER))
     assert _shown(model, 2, VERDICT, FONT) is None is _shown(model, 0, NAME, FONT)
     assert _shown(model, 2, VERDICT, EDIT) == "no beat" and "diagnose" not in str(_shown(model, 2, VERDICT, HOVER))
 

@@ -186,6 +186,6 @@ def test_how_many_shots_wait_is_told_except_the_one_under_way():
     ):
         _, sentence, _ = state_words.banner(_snapshot(state, waiting=waiting[:count]), None)
         assert sentence.endswith(words)
-    assert "by itself" in state_words.banner(_snapshot(State.ARMED, automatic=True), None)[1]
-    assert "by itself" not in state_words.banner(_snapshot(State.ARMED), None)[1]
+    assert "Re-arms automatically" in state_words.banner(_snapshot(State.ARMED, automatic=True), None)[1]
+    assert "Re-arms automatically" not in state_words.banner(_snapshot(State.ARMED), None)[1]
     assert state_words.banner(_snapshot(State.IDLE), None, arming=True)[0] == "ARMING"

@@ -43,6 +43,6 @@ def test_budget_and_paper_pages_follow_the_shot_in_front(qtbot: QtBot) -> None:
             return panels.paper.table.topLevelItemCount() > 0
 
         qtbot.waitUntil(there, timeout=60_000)
-        assert "remain open" in panels.paper.said.text() and "Recording: b" in panels.paper.said.text()
+        assert "are unresolved" in panels.paper.said.text() and "Recording: b" in panels.paper.said.text()
     finally:
         workbench.close()

@@ -83,7 +83,7 @@ def test_live_shows_learned_thresholds_as_such(qtbot, roomy):
     raw = LiveWindow(20_000).view(np.arange(2000) / 30e6, np.zeros((2000, 3), np.float32), None, 0)
     panel.show_raw(raw, CHANNELS, (None, 0.64), True)
     (line,) = lines_of(panel.raw.plots[SWITCH])
-    assert (line.value(), line.label.format) == (0.64, "trigger high (learned), 0.64 V")
+    assert (line.value(), line.label.format) == (0.64, "trigger high (from the signal), 0.64 V")
     assert line.toolTip() == line.label.format  # in a low plot its name is read there
 
 
@@ -97,7 +97,10 @@ def test_a_running_bench_tells_the_thresholds_that_it_learned(qtbot, tmp_path, w
         qtbot.waitUntil(lambda: bool(switch.levels), timeout=20_000)
         levels = dict(switch.levels)
         samples = window.rig.latest().live.raw_v[:, SWITCH]
-        assert [words.split(",")[0] for words in levels] == ["trigger low (learned)", "trigger high (learned)"]
+        assert [words.split(",")[0] for words in levels] == [
+            "trigger low (from the signal)",
+            "trigger high (from the signal)",
+        ]
         low, high = levels.values()  # which side is up is not known before the first step: both stand there
         assert low < samples.min() <= samples.max() < high
         range_v = abs(window.rig.channels[SWITCH].volts_per_count) * 2.0**12

@@ -89,7 +89,7 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
         assert not struck and beside.endswith("adequate") and "ADEQUATE" in heading and "<s>" not in heading
         bench.model.remove("paper", named("quadratic_drag"))
         struck, beside, heading = looks()
-        assert struck and "diagnose again" in beside and "<s>ADEQUATE</s>" in heading
+        assert struck and "run Diagnose again" in beside and "<s>ADEQUATE</s>" in heading
         again = Session.reopen(path)
         assert not again.verdict_holds(again.entries[0])
         bench.undo()

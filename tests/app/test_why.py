@@ -210,7 +210,7 @@ def test_pointing_at_a_candidate_overlays_what_it_would_explain_at_once(qtbot, t
     for over, part in zip(page.why.grid.overlays, told.fit_before.shots, strict=True):
         assert np.allclose(over.signature_m + over.remains_m, part.residual_m)
     assert _pixels(page.why.grid, LIGHT.simulated) > orange + 200
-    assert "would remain" in page.why.said.text() and "44" in page.why.said.text()
+    assert "remaining" in page.why.said.text() and "44" in page.why.said.text()
     QApplication.sendEvent(name, QEvent(QEvent.Type.Leave))
     assert page.why.grid.overlays == () and "Point at" in page.why.said.text()
     page.why.point_at(CATALOGUE["tilt"])
@@ -224,7 +224,7 @@ def test_the_curve_of_the_diagnosis_is_drawn_until_the_candidates_own_fit_is_the
     with_curves = tuple(replace(one, explains_m=curves) for one in told.candidates)
     page = _page(qtbot, replace(told, candidates=with_curves), shots)
     page.why.point_at(CATALOGUE["tilt"])  # which was only scored
-    assert "first order" in page.why.said.text() and "would remain" in page.why.said.text()
+    assert "first order" in page.why.said.text() and "remaining" in page.why.said.text()
     for over, part, size in zip(page.why.grid.overlays, told.fit_before.shots, sizes, strict=True):
         assert over.signature_m.shape == (size,)
         assert np.allclose(over.signature_m, 0.7 * _wave(part), atol=2e-8)

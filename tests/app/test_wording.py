@@ -136,7 +136,7 @@ def test_a_prefix_leaves_a_number_from_one_to_a_thousand(size, said) -> None:
 def test_typed_numbers_have_one_decimal_sign() -> None:
     assert wording.typed_number(" −3,5 ") == -3.5 and wording.typed_number("1e-3") == 1e-3
     for text in ("1.000,5", "1,000,000", "1.2.3"):
-        with pytest.raises(ValueError, match="two ways"):
+        with pytest.raises(ValueError, match="ambiguous"):
             wording.typed_number(text)
     for text in ("", "1_000", "inf", "nan", "five"):
         with pytest.raises(ValueError, match="is not a number"):
@@ -181,7 +181,7 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
     sizes = {name: q for name, (q, _) in law.parameters.items()}
     learned = replace(synthetic.diagnosis(shot), verdict=Verdict.LAW_LEARNED, effects=(), laws=(law,))
     found = verdict_of(learned, (1,)).found
-    assert physics_words.verdict_words(learned.verdict, found) == "a force of the place, exponential"
+    assert physics_words.verdict_words(learned.verdict, found) == "a force as a function of place, exponential"
     assert physics_words.verdict_words(learned.verdict, ()) == "law learned"
     both = map(wording.unbroken, ("a (-4.0000 ± 0.0010)e-3 N", "b (5.0000 ± 0.0010)e-4 m"))
     assert wording.effect_numbers(law.effect, sizes) == ", ".join(both)
@@ -190,7 +190,7 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
 def test_a_partly_explained_set_never_has_a_rest_that_is_nothing():
     remains = "a significant residual remains: 12 nm rms"
     partly = replace(synthetic.diagnosis(synthetic.shot(count=9000)), verdict=Verdict.PARTLY_EXPLAINED, effects=())
-    for remainder, said in ((None, "did not pass every test"), (Remainder(12e-9, 1e-10, ()), remains)):
+    for remainder, said in ((None, "it failed a test"), (Remainder(12e-9, 1e-10, ()), remains)):
         sentence = words.sentence(replace(partly, remainder=remainder))
         assert said in sentence and "remains: residual consistent with noise" not in sentence
 

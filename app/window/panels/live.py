@@ -39,7 +39,7 @@ def _digits(form: str, value: float) -> str:
 def _levels(thresholds_v: tuple[float | None, float | None], learned: bool) -> dict[str, float]:
     """Return the known thresholds of the trigger by their labels."""
     named = zip(("low", "high"), thresholds_v, strict=True)
-    how = " (learned)" if learned else ""
+    how = " (from the signal)" if learned else ""
     return {f"trigger {name}{how}, {number(v, 3)} V": v for name, v in named if v is not None}
 
 

@@ -19,7 +19,7 @@ LEFT = DriveRemainder(0.123, 0.456, 0.789, 0.1)
 
 def evidence(mass: MassCheck = NONE, force_n: float = 2.0, **more: Any) -> DriveEvidence:
     given: dict[str, Any] = {"bandwidth_hz": 12.34, "unidentifiable": (), "remainder": LEFT} | more
-    return DriveEvidence(Repeatability(force_n, True, "what its cycle repeats to"), mass, **given)
+    return DriveEvidence(Repeatability(force_n, True, "the repeatability of its cycle"), mass, **given)
 
 
 def diagnosis(verdict: Verdict, effects: tuple[FoundEffect, ...] = (), held_n: float | None = None) -> Any:
@@ -34,7 +34,7 @@ def diagnosis(verdict: Verdict, effects: tuple[FoundEffect, ...] = (), held_n: f
 
 
 def test_a_verdict_in_a_sentence() -> None:
-    against = "3 N is 1.5 times what its cycle repeats to (2 N)."
+    against = "3 N is 1.5 times the repeatability of its cycle (2 N)."
     friction = FoundEffect(LAWS["coulomb_friction"], {"force_n": Quantity(20.0, 0.5)}, {})
     named = f"The drive has {driven_words.effect(friction, diagnosis(Verdict.ADEQUATE).fit_after)}."
     error = " Force error 60 -> 3 N rms"
@@ -47,8 +47,8 @@ def test_a_verdict_in_a_sentence() -> None:
     assert adequate == f"Adequate: mass, viscous drag and offset explain the force; {against}"
     none = driven_words.sentence(diagnosis(Verdict.UNEXPLAINED), evidence(force_n=0.0))
     assert none == (
-        "Unexplained: 60 N rms remain and no catalogue law predicts them; 3 N is inf times what its cycle "
-        "repeats to (0 N)."
+        "Unexplained: 60 N rms remain and no catalogue law predicts them; 3 N is inf times the repeatability of its "
+        "cycle (0 N)."
     )
 
 
@@ -118,7 +118,7 @@ def test_what_the_records_could_not_show() -> None:
 
 def test_what_remains_goes_with() -> None:
     assert driven_words.remainder(3.0, evidence()) == (
-        "3 N rms remain, 1.5 times what its cycle repeats to (2 N); 12% of their power is correlated with the "
+        "3 N rms remain, 1.5 times the repeatability of its cycle (2 N); 12% of their power is correlated with the "
         "direction of motion; 46% with the position along the guide; 79% occurs in the 10% of samples around reversals"
     )
     assert driven_words.remainder(3.0, evidence(remainder=None)) == ""

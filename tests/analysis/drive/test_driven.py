@@ -162,8 +162,8 @@ def test_the_scatter_between_cycles_is_the_repeatability() -> None:
     cycles = Drive(odd, waves=((0.08, 0.25), (0.03, 0.75), (0.008, 1.5)), seconds=16.0, noise_n=1.0)
     diagnosis = diagnose_driven([cycles.motion()])
     assert diagnosis.verdict in (Verdict.PARTLY_EXPLAINED, Verdict.UNEXPLAINED)
-    assert "cycle of 4 s repeats to" in diagnosis.sentence
-    assert "times what its cycle" in in_words(diagnosis).remainder
+    assert "repeatability of its cycle of 4 s" in diagnosis.sentence
+    assert "times the repeatability of its cycle" in in_words(diagnosis).remainder
 
 
 def test_the_scatter_between_records_of_one_input_is_the_repeatability() -> None:
@@ -182,7 +182,7 @@ def test_the_scatter_between_records_of_one_input_is_the_repeatability() -> None
 
     assert not repeatability([one, other]).repeats
     seen = repeatability([one, other, replace(two, time_s=two.time_s + 100.0)])
-    assert seen.what == "what records of one input repeat to"
+    assert seen.what == "the record-to-record repeatability for one input"
     passed = float(np.linalg.norm(low_pass(RATE_HZ, prepare([one, other])[0].bandwidth_hz)))
     assert 0.8 * passed < seen.force_n < 1.2 * passed  # the noise of 1 N through the filter, not the 4 N of the odd law
 
@@ -274,7 +274,7 @@ def test_emps(measured: Path) -> None:
     assert "against Stribeck's sign" in diagnosis.sentence
     # what is left is far above what the cycle repeats to, and the diagnosis says so instead of claiming to be done
     assert diagnosis.verdict is Verdict.PARTLY_EXPLAINED
-    assert "cycle of 6.24 s repeats to" in diagnosis.sentence
+    assert "repeatability of its cycle of 6.24 s" in diagnosis.sentence
 
 
 def test_the_curves_are_the_fits_own_force_and_break_where_nothing_was_compared() -> None:

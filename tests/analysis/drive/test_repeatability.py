@@ -84,7 +84,7 @@ def test_records_of_one_motion_or_of_one_force_belong_together() -> None:
     assert set(table.record[early]) == {0} and set(table.record[late]) == {1}
     np.testing.assert_allclose(table.time_s[late] - table.time_s[early], 7.0, atol=1e-9)
     assert early.size == np.sum(table.record == 0)
-    assert what == "what records of one input repeat to" and cycle_s is None
+    assert what == "the record-to-record repeatability for one input" and cycle_s is None
 
 
 @pytest.mark.parametrize(

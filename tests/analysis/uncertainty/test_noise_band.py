@@ -131,7 +131,7 @@ def test_what_a_diagnosis_leaves_in_a_building_stays_inside_the_band_it_was_judg
     inside, off = [], []
     for shot, part in zip(shots, found.fit_after.shots, strict=True):
         band, words = diagnosed_band(found, shot)
-        assert "building" in words
+        assert "floor vibration" in words
         assert np.array_equal(band, np.hypot(found.fit_after.noise_std_m, part.sway_std_m), equal_nan=True)
         seen = np.isfinite(part.residual_m)
         off.append(part.residual_m[seen] / band[seen])

@@ -1,5 +1,5 @@
-from .channel_looks import ChannelKind, ChannelLook, is_swapped, looks_of, proposed
-from .choices import Choices
+from .candidate_residuals import CandidateResidual, by_evidence
+from .channel_guess import ChannelKind, ChannelSummary, is_swapped, proposed_roles, summarise_channels
 from .entry import Entry
 from .jobs import Event, EventKind, Job, Jobs, Saver, ShotJob
 from .kernels import Kernels, Stage, complete, prepare, prepare_first_shot, warm_up_analysis
@@ -12,11 +12,11 @@ from .rig import Open, Rig
 from .session import NOT_SAVED, Session
 from .session_files import is_session, last_session
 from .settings import FIELDS
+from .settings_store import SettingsStore
 from .shot_work import predicted
 from .spectra import BEATS, Spectra, spectra_of
 from .spool import Spool
 from .verdict_basis import Diagnosed, verdict_of
-from .why import Remainder, by_evidence
 from .workbench import Workbench
 
 __all__ = [
@@ -26,9 +26,9 @@ __all__ = [
     "NAME",
     "NOT_SAVED",
     "PLAN",
+    "CandidateResidual",
     "ChannelKind",
-    "ChannelLook",
-    "Choices",
+    "ChannelSummary",
     "Diagnosed",
     "Entry",
     "Event",
@@ -40,11 +40,11 @@ __all__ = [
     "Open",
     "OwnLaws",
     "ProgramLog",
-    "Remainder",
     "ResultCache",
     "Rig",
     "Saver",
     "Session",
+    "SettingsStore",
     "ShotJob",
     "Spectra",
     "Spool",
@@ -60,16 +60,16 @@ __all__ = [
     "last_session",
     "load_and_analyse",
     "load_model",
-    "looks_of",
     "note",
     "planned_record",
     "planned_setup",
     "predicted",
     "prepare",
     "prepare_first_shot",
-    "proposed",
+    "proposed_roles",
     "raw_of",
     "spectra_of",
+    "summarise_channels",
     "unanalysed",
     "verdict_of",
     "warm_up_analysis",

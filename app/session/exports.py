@@ -8,7 +8,7 @@ from pathlib import Path
 from analysis.diagnosis import Diagnosis
 from analysis.shot import Progress, Shot, Stop
 from app.session.entry import Entry
-from app.session.jobs import EventKind, Jobs, Tell, Work
+from app.session.jobs import EventKind, JobQueues, Jobs, Notify
 from app.session.model_in_use import save_model
 from app.session.session import Session
 from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_report
@@ -20,8 +20,8 @@ from instrument.files import PartlySaved
 class Exports:
     """Jobs that write files from the given entries, or from all if none of them is in the session."""
 
-    def __init__(self, session: Session, work: Work, diagnoses: Diagnoses, tell: Tell) -> None:
-        self._session, self._work, self._diagnoses, self._tell = session, work, diagnoses, tell
+    def __init__(self, session: Session, work: JobQueues, diagnoses: Diagnoses, notify: Notify) -> None:
+        self._session, self._work, self._diagnoses, self._notify = session, work, diagnoses, notify
 
     def export(self, numbers: Sequence[int], folder: Path) -> None:
         """Queue the export of these entries as CSV."""
@@ -60,7 +60,7 @@ class Exports:
 
     def _entries(self, numbers: Sequence[int]) -> list[Entry]:
         """Return these entries, or all entries if none of them is in the session."""
-        return self._session.among(numbers) or list(self._session.entries)
+        return self._session.entries_with(numbers) or list(self._session.entries)
 
     def _reported(self, numbers: Sequence[int]) -> tuple[list[Shot], Diagnosis | None]:
         entries = self._entries(numbers)
@@ -70,16 +70,16 @@ class Exports:
         found = self._diagnoses.within(chosen)
         return shots, found.diagnosis if found is not None else None
 
-    def _submit(self, name: str, write: Callable[..., str], told_as: EventKind = EventKind.EXPORTED) -> None:
-        self._work.aside(name, write, "export", partial(self._tell, told_as))
+    def _submit(self, name: str, write: Callable[..., str], event_kind: EventKind = EventKind.EXPORTED) -> None:
+        self._work.submit_long(name, write, "export", partial(self._notify, event_kind))
 
 
 class UnsavedShots:
     """Saves shots that are only in memory, and keeps their new paths by name."""
 
-    def __init__(self, session: Session, short_jobs: Jobs, tell: Tell) -> None:
-        self._session, self._short_jobs, self._tell = session, short_jobs, tell
-        self._ahead: dict[str, str] = {}  # name -> new path of shots whose analysis has not finished
+    def __init__(self, session: Session, short_jobs: Jobs, notify: Notify) -> None:
+        self._session, self._short_jobs, self._notify = session, short_jobs, notify
+        self._early_paths: dict[str, str] = {}  # name -> new path of shots whose analysis has not finished
 
     def save(self, save: Callable[[Path], dict[str, Path]], folder: Path) -> None:
         """Queue the saving; ``save(folder)`` writes the shots and returns their paths by name."""
@@ -94,18 +94,18 @@ class UnsavedShots:
 
     def path_of(self, name: str) -> str | None:
         """Return, once, the path to which a shot was saved before its analysis ended, or None."""
-        return self._ahead.pop(name, None)
+        return self._early_paths.pop(name, None)
 
     def _take(self, folder: Path, saved: tuple[dict[str, Path], str | None]) -> None:
         """Set the new paths in the session and report the outcome."""
         paths, problem = saved
         for name, path in paths.items():
             if not self._session.set_path(name, str(path)):
-                self._ahead[name] = str(path)
+                self._early_paths[name] = str(path)
         count = len(paths)
         words = f"{counted(count, 'shot')} saved to {folder}" if count else "no shot to save"
         if problem is None:
-            self._tell(EventKind.EXPORTED, words)
+            self._notify(EventKind.EXPORTED, words)
         else:
             before = f"{words}; " if count else ""
-            self._tell(EventKind.PROBLEM, f"{before}the other shots remain in memory: {problem}")
+            self._notify(EventKind.PROBLEM, f"{before}the other shots remain in memory: {problem}")

@@ -15,9 +15,9 @@ from app.session.entry import Entry
 from instrument.process import SubprocessWorker
 
 ESTIMATE_AFTER_S, LEAST_FRACTION = 2.0, 0.05  # least elapsed time and fraction done for an estimated remaining time
-YIELDING = ("why",)  # kinds of low-priority jobs, which any other job cancels
+PREEMPTED_KINDS = ("why",)  # kinds of low-priority jobs, which any other job cancels
 Step = Callable[[Progress, Stop], Any]
-Take = Callable[[Any], object]
+OnResult = Callable[[Any], object]
 
 
 class EventKind(StrEnum):
@@ -43,7 +43,7 @@ class Event:
     paths: tuple[Path, ...] = ()
 
 
-Tell = Callable[[EventKind, str], object]
+Notify = Callable[[EventKind, str], object]
 Item = TypeVar("Item")
 
 
@@ -57,7 +57,7 @@ class Job:
     name: str
     work: Step
     kind: str = ""
-    take: Take | None = None
+    take: OnResult | None = None
     what: str = ""
     fraction: float = 0.0
     result: Any = None
@@ -77,7 +77,7 @@ class Job:
         self.cancelled = True
 
 
-def drained(waiting: deque[Item]) -> list[Item]:
+def pop_all(waiting: deque[Item]) -> list[Item]:
     """Remove and return all items of a queue that other threads may be filling."""
     taken = []
     while waiting:
@@ -97,13 +97,13 @@ class Jobs:
         self._thread = threading.Thread(target=self._work, name=f"levimass {name}", daemon=True)
         self._thread.start()
 
-    def submit(self, name: str, work: Step, kind: str = "", take: Take | None = None) -> Job:
+    def submit(self, name: str, work: Step, kind: str = "", take: OnResult | None = None) -> Job:
         """Queue a job; ``work`` is called as work(report, cancelled) and returns the result."""
         job = Job(name, work, kind, take)
         with self._wake:
             job.cancelled = self._closing
             for other in (*self._waiting, self.current):
-                if other is not None and other.kind in YIELDING and kind not in YIELDING:
+                if other is not None and other.kind in PREEMPTED_KINDS and kind not in PREEMPTED_KINDS:
                     other.cancel()  # the window queues it again when needed
             self._waiting.append(job)
             self._wake.notify()
@@ -130,7 +130,7 @@ class Jobs:
 
     def finished(self) -> list[Job]:
         """Return the jobs that ended since the last call, including cancelled ones."""
-        return drained(self._finished)
+        return pop_all(self._finished)
 
     def cancel(self, kind: str | None = None, *, ended: bool = False) -> None:
         """Cancel the jobs of a kind, or all; ``ended``: also jobs whose result has not been collected."""
@@ -199,33 +199,33 @@ class Saver:
         return self._jobs.close(timeout_s, finish=True)
 
 
-OF_A_SESSION = ("open", "refit", "diagnosis", "plan", "kept", "model")  # kinds dropped when another session is opened
+SESSION_KINDS = ("open", "refit", "diagnosis", "plan", "kept", "model")  # kinds dropped when another session is opened
 
 
-class Work:
-    """Two job queues, for long and short jobs; long work runs in the subprocess ``apart``, else in the jobs' thread."""
+class JobQueues:
+    """Two job queues, for long and short jobs; long work runs in the subprocess, if given, else in the jobs' thread."""
 
-    def __init__(self, apart: SubprocessWorker | None) -> None:
+    def __init__(self, subprocess_worker: SubprocessWorker | None) -> None:
         self.jobs, self.short_jobs = Jobs(), Jobs()
-        self._apart = apart
+        self._subprocess_worker = subprocess_worker
 
-    def do(self, work: Callable[..., Any], report: Progress, cancelled: Stop) -> Any:
+    def run_long(self, work: Callable[..., Any], report: Progress, cancelled: Stop) -> Any:
         """Run the long part of a job in the subprocess, or here without one; called in the jobs' thread."""
-        if self._apart is not None:
-            return self._apart.run(work, report, cancelled)
+        if self._subprocess_worker is not None:
+            return self._subprocess_worker.run(work, report, cancelled)
         return work(progress=report, cancelled=cancelled)
 
-    def aside(self, name: str, work: Callable[..., Any], kind: str, take: Take) -> None:
+    def submit_long(self, name: str, work: Callable[..., Any], kind: str, take: OnResult) -> None:
         """Queue long work, which is called with the keywords ``progress`` and ``cancelled``."""
-        self.jobs.submit(name, partial(self.do, work), kind, take)
+        self.jobs.submit(name, partial(self.run_long, work), kind, take)
 
-    def another_session(self) -> None:
+    def cancel_session_jobs(self) -> None:
         """Cancel all jobs on the shots of this session and discard their results."""
-        for kind in OF_A_SESSION:
+        for kind in SESSION_KINDS:
             self.jobs.cancel(kind, ended=True)
             self.short_jobs.cancel(kind, ended=True)
 
-    def take_ended(self) -> Iterator[str]:
+    def collect_results(self) -> Iterator[str]:
         """Pass each finished job's result to its ``take``; yield the reason of each failure."""
         for job in (*self.jobs.finished(), *self.short_jobs.finished()):
             if job.cancelled:
@@ -238,8 +238,8 @@ class Work:
     def close(self) -> bool:
         """Cancel all jobs and wait for the threads; return whether they ended."""
         ended = self.jobs.close() & self.short_jobs.close()
-        if self._apart is not None:
-            self._apart.close()
+        if self._subprocess_worker is not None:
+            self._subprocess_worker.close()
         return ended
 
 
@@ -255,7 +255,7 @@ class ShotJob(Generic[Result]):
         self._number: int | None = None
         self._entry: Entry | None = None
 
-    def ask(self, entry: Entry, work: Callable[[Progress, Stop], Result]) -> bool:
+    def start(self, entry: Entry, work: Callable[[Progress, Stop], Result]) -> bool:
         """Start the work unless it is done or running for this entry; return whether it was started."""
         if self._number == entry.number:
             return False
@@ -265,7 +265,7 @@ class ShotJob(Generic[Result]):
         return True
 
     def forget(self) -> None:
-        """Let the next ``ask`` start the work even for the same entry."""
+        """Let the next ``start`` begin the work even for the same entry."""
         self._number = None
 
     def take(self) -> tuple[Entry, Result] | None:

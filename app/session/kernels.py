@@ -151,7 +151,7 @@ def _compile(piece: Piece) -> None:
         raise SystemExit(1) from None
 
 
-_BESIDE = (*LATER, replace(BENCH, stage=Stage.ALL))  # not urgent: a simulated bench in use compiles its own kernels
+BACKGROUND_PIECES = (*LATER, replace(BENCH, stage=Stage.ALL))  # a simulated bench in use compiles its own kernels
 
 
 class Kernels:
@@ -174,7 +174,7 @@ class Kernels:
                     self._reached(Stage.FIT)
                 if not complete():
                     cores = max(1, (os.cpu_count() or 1) - 1)  # one core is left for the readings' kernels
-                    prepare(partial(self._report_progress, report), cancelled, self._reached, cores, _BESIDE)
+                    prepare(partial(self._report_progress, report), cancelled, self._reached, cores, BACKGROUND_PIECES)
                 loading.result()
         finally:
             # loaded objects are permanent; scanning them in a garbage collection would stop all threads for 0.1 s

@@ -14,7 +14,7 @@ from analysis.diagnosis import SavedModel
 from analysis.fitted import awaits_fit, can_be_fitted
 from analysis.shot import Progress, Shot, Stop
 from app.session.entry import Entry
-from app.session.jobs import EventKind, Job, Tell, Work
+from app.session.jobs import EventKind, Job, JobQueues, Notify
 from app.session.model_in_use import load_model, model_words
 from app.session.session import Session
 from app.session.shot_work import refit_shot
@@ -32,13 +32,13 @@ class _PendingFit:
 class ModelWork:
     """Keeps each shot fitted individually with the effects in the session's model; reports new fits to ``changed``."""
 
-    def __init__(self, session: Session, work: Work, tell: Tell, changed: Callable[[int, Shot], None]) -> None:
-        self._session, self._work, self._tell, self._changed = session, work, tell, changed
+    def __init__(self, session: Session, work: JobQueues, notify: Notify, changed: Callable[[int, Shot], None]) -> None:
+        self._session, self._work, self._notify, self._changed = session, work, notify, changed
         self._loaded: SavedModel | None = None
         self._pending: dict[int, _PendingFit] = {}  # by the entry's number
 
     @property
-    def known(self) -> SavedModel | None:
+    def loaded_model(self) -> SavedModel | None:
         """Get the loaded model file; None if the session's model differs from it."""
         loaded = self._loaded
         return loaded if loaded is not None and loaded.effects == self._session.effects.of(loaded.base) else None
@@ -48,7 +48,7 @@ class ModelWork:
         now = self._session.effects.of(base)
         self._use(base, (*now, *(effect for effect in effects if effect not in now)))
 
-    def try_out(self, base: str, effect: Effect) -> None:
+    def add_tried(self, base: str, effect: Effect) -> None:
         """Add an effect that no diagnosis found, marked as tried."""
         if effect not in self._session.effects.of(base):
             self._use(base, (*self._session.effects.of(base), effect), tried=(effect,))
@@ -64,24 +64,24 @@ class ModelWork:
         """Use the model read from a file."""
         self._loaded = model
         self._use(model.base, model.effects, model.tried)
-        self._tell(EventKind.MODEL, f"Model {model_words(model)}, loaded from {path}")
+        self._notify(EventKind.MODEL, f"Model {model_words(model)}, loaded from {path}")
 
     def _use(self, base: str, effects: tuple[Effect, ...], tried: Sequence[Effect] = ()) -> None:
         """Set the effects in the model and fit each shot individually, as ``--model FILE`` and a reopened session do.
 
         The joint fit of a diagnosis is its evidence and is saved in model files, but it is not used as a shot's fit.
         """
-        self._session.set_effects(self._session.effects.with_effects(base, effects).trying(tried))
-        self.catch_up()
+        self._session.set_effects(self._session.effects.with_effects(base, effects).with_tried(tried))
+        self.refit_outdated()
 
     # refits after a change of the model -------------------------------------------------------------------------
 
-    def is_behind(self, entry: Entry) -> bool:
+    def needs_refit(self, entry: Entry) -> bool:
         """Return whether an entry was fitted with other effects than those now in the model."""
         shot = entry.shot
         return shot is not None and can_be_fitted(shot) and shot.settings.effects != self._effects_for(shot)
 
-    def catch_up(self, also: Iterable[Entry] = ()) -> None:
+    def refit_outdated(self, also: Iterable[Entry] = ()) -> None:
         """Queue the fit of every entry that is behind the model, and cancel outdated fits.
 
         Entries in ``also`` are fitted too if they still await their first fit, which may have been stopped.
@@ -90,11 +90,11 @@ class ModelWork:
         shots = {entry.number: entry.shot for entry in self._session.entries if entry.shot is not None}
         for number, wanted in list(self._pending.items()):
             shot = shots.get(number)
-            if shot is None or not _same(shot, wanted.of) or wanted.effects != self._effects_for(shot):
+            if shot is None or not _same_motion(shot, wanted.of) or wanted.effects != self._effects_for(shot):
                 wanted.job.cancel()
                 del self._pending[number]
         for entry in self._session.entries:
-            if entry.number not in self._pending and (self.is_behind(entry) or entry.number in awaiting):
+            if entry.number not in self._pending and (self.needs_refit(entry) or entry.number in awaiting):
                 self._submit(entry)
 
     def _take_fit(self, number: int, of: Shot, effects: tuple[Effect, ...], fitted: Shot) -> None:
@@ -103,7 +103,7 @@ class ModelWork:
         if wanted is not None and wanted.of is of and wanted.effects == effects:
             del self._pending[number]
         entry = self._session.entry(number)
-        if entry is None or entry.shot is None or not _same(entry.shot, of):
+        if entry is None or entry.shot is None or not _same_motion(entry.shot, of):
             return
         if effects == self._effects_for(entry.shot):
             shot = replace(fitted, path=entry.path)  # the recording may have been saved to another folder meanwhile
@@ -126,13 +126,13 @@ class ModelWork:
 
         def work(report: Progress, cancelled: Stop) -> object:
             report(f"fitting {entry.name}", 0.0)
-            return self._work.do(fitting, report, cancelled)
+            return self._work.run_long(fitting, report, cancelled)
 
         name, take = f"refit of {entry.name} with the changed model", partial(self._take_fit, number, shot, effects)
         job = self._work.jobs.submit(name, work, "refit", take)
         self._pending[number] = _PendingFit(job, shot, effects)
 
 
-def _same(shot: Shot, of: Shot) -> bool:
+def _same_motion(shot: Shot, of: Shot) -> bool:
     """Return whether two states of a shot have the same motion; path, note and fit may differ."""
     return shot.motion is of.motion

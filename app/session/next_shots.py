@@ -16,9 +16,9 @@ from analysis.planning import (
     plan_next,
 )
 from analysis.shot import Setup, Shot
-from app.session.choices import Choices
 from app.session.entry import Entry
 from app.session.rig import Rig
+from app.session.settings_store import SettingsStore
 from app.session.verdict_basis import Diagnosed
 from app.session.workbench import Workbench
 from instrument.capture import CaptureOptions
@@ -41,9 +41,9 @@ class _Capture:
 class NextShots:
     """Plans of the diagnosed sets of shots, and the planned shot being taken."""
 
-    def __init__(self, workbench: Workbench, rig: Rig, choices: Choices) -> None:
-        self._workbench, self._rig, self._choices = workbench, rig, choices
-        self._standings: dict[frozenset[int], PlanningState] = {}
+    def __init__(self, workbench: Workbench, rig: Rig, store: SettingsStore) -> None:
+        self._workbench, self._rig, self._store = workbench, rig, store
+        self._plans: dict[frozenset[int], PlanningState] = {}
         self._under: _Capture | None = None
 
     @property
@@ -52,32 +52,32 @@ class NextShots:
         return self._under.step.shot if self._under is not None and not self._under.arrived else None
 
     @property
-    def sets_itself(self) -> bool:
+    def sets_rig(self) -> bool:
         """Get whether the program can set speed and weights itself, which only the simulated bench allows."""
         return is_bench(self._rig.source)
 
-    def standing(self, found: Diagnosed | None) -> PlanningState | None:
+    def plan_for(self, found: Diagnosed | None) -> PlanningState | None:
         """Return the plan for the diagnosed set of shots, or None."""
-        return None if found is None else self._standings.get(frozenset(found.numbers))
+        return None if found is None else self._plans.get(frozenset(found.numbers))
 
     def plan(self, found: Diagnosed, steps: Sequence[PlannedStep] = ()) -> None:
         """Queue the planning of a shot that distinguishes the candidates of a diagnosis, given earlier ``steps``."""
         motions = [shot.motion for shot in self._workbench.session.shots(found.numbers) if shot.motion is not None]
         left = max(0, MOST_SHOTS - len(steps))
-        work = partial(plan_next, motions, found.diagnosis, tuple(steps), left=left, reach=self._choices.settings.reach)
-        self._workbench.aside("next shot", work, PLAN, partial(self._take_plan, frozenset(found.numbers)))
+        work = partial(plan_next, motions, found.diagnosis, tuple(steps), left=left, reach=self._store.settings.reach)
+        self._workbench.submit_long("next shot", work, PLAN, partial(self._take_plan, frozenset(found.numbers)))
 
     def _take_plan(self, numbers: frozenset[int], state: PlanningState) -> None:
-        self._standings[numbers] = state
+        self._plans[numbers] = state
 
     def take(self, found: Diagnosed) -> None:
         """Arm for the plan's next shot; on the simulated bench also set its speed and weights."""
-        standing = self.standing(found)
+        standing = self.plan_for(found)
         if standing is None or standing.settled or self.taking is not None:
             return
         step, shots, source = next_step(standing), self._workbench.session.shots(found.numbers), self._rig.source
         shot = step.shot
-        wanted = pushed(source, shot.speed_m_per_s, shot.added_mass_kg, len(shots)) if self.sets_itself else source
+        wanted = pushed(source, shot.speed_m_per_s, shot.added_mass_kg, len(shots)) if self.sets_rig else source
 
         def changed(options: CaptureOptions) -> CaptureOptions:
             rate_hz = options.settings.sample_rate_hz if options.settings is not None else None
@@ -88,7 +88,7 @@ class NextShots:
         self._under = _Capture(step, found.numbers, standing.steps, source)
         self._rig.take(wanted, changed)
 
-    def give_up(self) -> None:
+    def cancel_planned(self) -> None:
         """Cancel the planned shot and reopen the previous source."""
         under, self._under = self._under, None
         if under is not None and not under.arrived:

@@ -49,7 +49,7 @@ def kinds() -> dict[str, type]:
 
 def packed(head: Mapping[str, Any], value: object) -> bytes:
     """Return the bytes of a file with ``value`` and a separately readable ``head``.  Raises NotStorable."""
-    body, arrays = parted(value)
+    body, arrays = split(value)
     out = io.BytesIO()
     texts = {name: np.frombuffer(json.dumps(text).encode(), np.uint8) for name, text in ((_HEAD, head), (_BODY, body))}
     np.savez(out, **cast(Any, texts), **cast(Any, {f"a{place}": array for place, array in enumerate(arrays)}))
@@ -76,12 +76,12 @@ def unpacked(file: Any) -> object:
             arrays = [archive[f"a{place}"] for place in range(len(archive.files) - 2)]
             for array in arrays:
                 array.flags.writeable = False
-            return rejoined(body, arrays)
+            return rebuild(body, arrays)
     except (OSError, ValueError, KeyError, IndexError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise NotStorable(str(error)) from None  # the file is damaged or of another version
 
 
-def parted(value: object) -> tuple[Any, list[np.ndarray]]:
+def split(value: object) -> tuple[Any, list[np.ndarray]]:
     """Split a value into its JSON structure and its arrays, each array once.  Raises NotStorable."""
     arrays: list[np.ndarray] = []
     return _written(value, arrays, {}), arrays
@@ -111,8 +111,8 @@ def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> A
     raise NotStorable(f"a {type(value).__name__} cannot be stored")
 
 
-def rejoined(body: Any, arrays: list[np.ndarray]) -> Any:
-    """Build a value from its JSON structure and its arrays: the inverse of ``parted``."""
+def rebuild(body: Any, arrays: list[np.ndarray]) -> Any:
+    """Build a value from its JSON structure and its arrays: the inverse of ``split``."""
     if not isinstance(body, dict):
         return body
     if "array" in body:
@@ -124,11 +124,11 @@ def rejoined(body: Any, arrays: list[np.ndarray]) -> Any:
             raise NotStorable(f"no effect is called {body['effect'][:40]!r}")
         return effect
     if "map" in body:
-        return {key: rejoined(one, arrays) for key, one in body["map"]}
+        return {key: rebuild(one, arrays) for key, one in body["map"]}
     for kind in (tuple, list):
         if kind.__name__ in body:
-            return kind(rejoined(one, arrays) for one in body[kind.__name__])
+            return kind(rebuild(one, arrays) for one in body[kind.__name__])
     kind = cast(Any, kinds()[body["kind"]])
     if "value" in body:
         return kind(body["value"])
-    return kind(**{name: rejoined(one, arrays) for name, one in body["fields"].items()})
+    return kind(**{name: rebuild(one, arrays) for name, one in body["fields"].items()})

@@ -21,7 +21,7 @@ from instrument.files import RecordingError, is_foreign, read_metadata, recordin
 SCHEMA = "levimass.kept/2"
 MOST_BYTES = 2_000_000_000  # size of the whole cache; the oldest files are deleted first
 MOST_A_FILE = 200_000_000
-BESIDE = (".csv", ".tsv", ".toml")  # endings of the files of a motion record
+MOTION_RECORD_SUFFIXES = (".csv", ".tsv", ".toml")  # endings of the files of a motion record
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +148,7 @@ def _stamp(path: Path) -> list[object]:
             stamp.append(_short(repr(replace(read_metadata(Path(f"{stem}.sigmf-meta")), note=""))))
             files = [Path(f"{stem}.sigmf-data")]
         else:
-            files = [path, *(other for ending in BESIDE if (other := path.with_suffix(ending)) != path)]
+            files = [path, *(other for ending in MOTION_RECORD_SUFFIXES if (other := path.with_suffix(ending)) != path)]
         for file in files:
             if file.exists():
                 about = file.stat()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from analysis.fitted import awaits_fit
 from analysis.pipeline import read
 from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Recording, Shot
-from app.session.jobs import drained
+from app.session.jobs import pop_all
 from app.session.kernels import Stage
 from instrument.capture import (
     CaptureOptions,
@@ -48,7 +48,7 @@ LONGEST_ARMING_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Running:
+class _OpenSource:
     source: str
     digitizer: Digitizer
     capture: "Capture"
@@ -79,8 +79,8 @@ class Rig:
         self._options, self._analysis, self._kernels = options, analysis, kernels
         self._deadlines, self._open, self._clock = deadlines or Deadlines(), open_digitizer, clock
         self._analyst = analyst
-        self._running: _Running | None = None
-        self._orders: deque[str | None] = deque()
+        self._running: _OpenSource | None = None
+        self._requests: deque[str | None] = deque()
         self._wake = threading.Condition()
         self._fault: tuple[str, str] | None = None
         self._since_s = clock()
@@ -96,21 +96,21 @@ class Rig:
         self.rearm = False
         self._planned: Change | None = None
         self._arm_opened = False
-        self._orders.append(source)
+        self._requests.append(source)
         self._thread.start()
 
     # commands of the operator ---------------------------------------------------------------------------------------
 
     def open(self, source: str) -> None:
         """Close the present source and open another; ``latest`` reports the outcome."""
-        self._order(source, None)
+        self._request(source, None)
 
-    def _order(self, source: str, planned: Change | None) -> None:
+    def _request(self, source: str, planned: Change | None) -> None:
         """Let the thread open a source, and arm it if a shot is planned."""
         self.source = source
         with self._wake:
             self._planned, self._arm_opened = planned, planned is not None
-            self._orders.append(source)
+            self._requests.append(source)
             self._wake.notify()
 
     def sources(self) -> list[tuple[str, str]]:
@@ -138,13 +138,13 @@ class Rig:
 
     def take(self, source: str, change: Change) -> None:
         """Open a source and arm it with changed options, which apply until ``open`` is called."""
-        self._order(source, change)
+        self._request(source, change)
 
     def abort(self) -> None:
         if self._running is not None:
             self._running.capture.abort()
             self._arm_pressed = None
-        elif not self._orders:
+        elif not self._requests:
             self._fault = None
 
     def trigger_now(self) -> None:
@@ -253,12 +253,12 @@ class Rig:
 
     def take_problems(self) -> list[str]:
         """Return the problems outside the capture since the last call."""
-        return drained(self._problems)
+        return pop_all(self._problems)
 
     def close(self) -> bool:
         """End all threads, including the capture's; return whether they ended."""
         with self._wake:
-            self._orders.append(None)
+            self._requests.append(None)
             self._wake.notify()
         self._thread.join(40.0)
         if self._analyst is not None:
@@ -271,10 +271,10 @@ class Rig:
         self._find_devices()
         while True:
             with self._wake:
-                while not self._orders:
+                while not self._requests:
                     self._wake.wait()
-                order = self._orders.popleft()
-                if self._orders:
+                order = self._requests.popleft()
+                if self._requests:
                     continue  # a newer request is queued
             self._close_running()
             if order is None:
@@ -319,7 +319,7 @@ class Rig:
         self._serial += 1
         settings: CaptureSettings | None = options.settings or digitizer.default_settings()
         rate = settings.sample_rate_hz if settings is not None else None
-        self._running = _Running(source, digitizer, capture, able.channels, able.bits, rate)
+        self._running = _OpenSource(source, digitizer, capture, able.channels, able.bits, rate)
         if self._arm_opened:
             self._arm_opened = False
             self.arm()

@@ -13,7 +13,7 @@ from instrument.files import Checked, RecordingError, read_json, shown, write_js
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
-MOST_LEFT_OUT = 10_000
+MOST_DISMISSED = 10_000
 NOT_SAVED = "the session could not be saved"  # the beginning of ``problem`` after a failed save
 
 
@@ -37,11 +37,11 @@ class Session:
         self._effects = ModelEffects()
         self._undo: list[_State] = []
         self._redo: list[_State] = []
-        self._left_out: tuple[str, ...] = ()  # paths of recordings not to be offered, newest last
+        self._dismissed: tuple[str, ...] = ()  # paths of recordings not to be offered, newest last
         self._next = 0  # highest number ever used; numbers are not reused, because undo restores removed shots
         self.problem: str | None = None  # one line: why the session could not be saved or read
         self.revision = 0
-        self.held: Callable[[Shot], Shot] = lambda shot: shot  # moves a shot's arrays out of memory (``Spool.moved``)
+        self.spool_arrays: Callable[[Shot], Shot] = lambda shot: shot  # moves arrays out of memory (``Spool``)
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
         self.unlock: Callable[[], None] = lambda: None  # releases the lock on the session file
 
@@ -78,7 +78,7 @@ class Session:
     def entry(self, number: int) -> Entry | None:
         return next((entry for entry in self._entries if entry.number == number), None)
 
-    def among(self, numbers: Collection[int]) -> list[Entry]:
+    def entries_with(self, numbers: Collection[int]) -> list[Entry]:
         """Return the entries with these numbers, oldest first."""
         return [entry for entry in self._entries if entry.number in numbers]
 
@@ -96,7 +96,7 @@ class Session:
         words = shot.note if note is None else note
         original = None if copy_of is None else self.entry(copy_of)
         on_plots = () if original is None else original.plot_notes
-        shot = self.held(shot)
+        shot = self.spool_arrays(shot)
         number = self._new_number()
         entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, on_plots, copy_of=copy_of)
         self._set((*self._entries, entry))
@@ -108,7 +108,7 @@ class Session:
         self._set((*self._entries, entry))
         return entry
 
-    def awaiting(self, shot: Shot) -> Entry | None:
+    def entry_awaiting_fit(self, shot: Shot) -> Entry | None:
         """Return the newest entry of the same capture whose shot awaits its fit."""
 
         def waits(there: Shot | None) -> bool:
@@ -119,7 +119,7 @@ class Session:
     def fill(self, number: int, shot: Shot, version: str = "") -> None:
         """Set the shot of an entry; ``version`` is the program version of a cached result, else ""."""
 
-        shot = self.held(shot)
+        shot = self.spool_arrays(shot)
 
         def filled(entry: Entry) -> Entry:
             return replace(entry, shot=shot, name=shot.name, settings=shot.settings, version=version)
@@ -129,7 +129,7 @@ class Session:
     def complete(self, number: int, shot: Shot) -> Entry:
         """Set the analysed shot of an entry added at its capture; return the entry."""
 
-        shot = self.held(shot)
+        shot = self.spool_arrays(shot)
 
         def whole(entry: Entry) -> Entry:
             path = shot.path or entry.path  # the recording may have been saved to another folder in the meantime
@@ -155,12 +155,12 @@ class Session:
         """Set the verdict on an entry, and the model and shots that the verdict refers to."""
         self._change(number, lambda entry: replace(entry, verdict=verdict, verdict_of=of))
 
-    def verdict_holds(self, entry: Entry) -> bool:
+    def verdict_is_valid(self, entry: Entry) -> bool:
         """Return whether an entry's verdict refers to the present model and only to shots in the session."""
         of = entry.verdict_of
         if not entry.verdict or of is None:
             return True
-        return of.holds(self._effects.of(entry.settings.model), {other.number for other in self._entries})
+        return of.is_valid(self._effects.of(entry.settings.model), {other.number for other in self._entries})
 
     def set_note(self, number: int, note: str) -> None:
         """Set the operator's note; can be undone."""
@@ -181,18 +181,18 @@ class Session:
     def remove(self, numbers: list[int]) -> None:
         """Remove entries from the list, not their recordings; can be undone."""
         self._remember("the removal")
-        self.leave_out([entry.path for entry in self._entries if entry.number in numbers and entry.path])
+        self.dismiss([entry.path for entry in self._entries if entry.number in numbers and entry.path])
         self._set(tuple(entry for entry in self._entries if entry.number not in numbers))
 
     @property
-    def left_out(self) -> tuple[str, ...]:
+    def dismissed(self) -> tuple[str, ...]:
         """Get the recordings not to be offered at the next start: removed from the session, or declined."""
-        return self._left_out
+        return self._dismissed
 
-    def leave_out(self, paths: Sequence[str]) -> None:
+    def dismiss(self, paths: Sequence[str]) -> None:
         """Do not offer these recordings at the next start."""
-        kept = [path for path in self._left_out if path not in set(paths)]
-        self._left_out = (*kept, *dict.fromkeys(paths))[-MOST_LEFT_OUT:]
+        kept = [path for path in self._dismissed if path not in set(paths)]
+        self._dismissed = (*kept, *dict.fromkeys(paths))[-MOST_DISMISSED:]
         self._save()
 
     def undo(self) -> str | None:
@@ -235,7 +235,7 @@ class Session:
         self._save()
 
     def _save(self) -> None:
-        path, entries, effects, left_out = self._path, self._entries, self._effects, self._left_out
+        path, entries, effects, left_out = self._path, self._entries, self._effects, self._dismissed
         if path is not None:
             self.save_by(lambda: self._write(path, entries, effects, left_out))
 
@@ -262,13 +262,13 @@ class Session:
             self.problem = problem
             self.revision += 1  # so that the window shows the new problem
 
-    def become(self, other: "Session") -> None:
+    def switch_to(self, other: "Session") -> None:
         """Save this session, then take over the content and file of ``other``."""
         if self._path is not None:
-            self._write(self._path, self._entries, self._effects, self._left_out)
+            self._write(self._path, self._entries, self._effects, self._dismissed)
         self.unlock()
         self._path, self._entries, self._effects = other._path, other._entries, other._effects
-        self._left_out = other._left_out
+        self._dismissed = other._dismissed
         self.unlock, self.problem = other.unlock, other.problem
         self._undo, self._redo, self._next = [], [], other._next
         self.revision += 1
@@ -276,7 +276,7 @@ class Session:
     def move_to(self, path: Path, unlock: Callable[[], None]) -> None:
         """Save the session to another file from now on; the former file remains."""
         if self._path is not None:
-            self._write(self._path, self._entries, self._effects, self._left_out)
+            self._write(self._path, self._entries, self._effects, self._dismissed)
         self.unlock()
         self._path, self.unlock = path, unlock
         self._set(self._entries)
@@ -295,7 +295,7 @@ class Session:
             session._entries = tuple(entry_from_json(item, unknown) for item in document.objects("shots") or ())
             session._next = max((entry.number for entry in session._entries), default=0)
             session._effects = model_effects(document)
-            session._left_out = document.names("left_out")[-MOST_LEFT_OUT:]
+            session._dismissed = document.names("left_out")[-MOST_DISMISSED:]
             unknown.update(document.unread())
             if unknown:
                 session.problem = f"ignored, unknown to this version: {', '.join(sorted(unknown))}"

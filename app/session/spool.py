@@ -16,7 +16,7 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from app.session.result_archive import NotStorable, parted, rejoined
+from app.session.result_archive import NotStorable, rebuild, split
 
 PIECE_BYTES = 16 * 2**20  # size of one file, whose disk space is freed once no array refers to it
 LEAST_BYTES = 4096  # smaller arrays stay in memory
@@ -37,12 +37,12 @@ class Spool:
     def moved(self, result: Result) -> Result:
         """Return the same shot or diagnosis with its large arrays, now read-only, mapped from a file."""
         try:
-            body, arrays = parted(result)
+            body, arrays = split(result)
             large = [array for array in arrays if array.nbytes >= LEAST_BYTES]
             places = iter(self._written(large))
         except (NotStorable, OSError, ValueError):
             return result
-        return cast(Result, rejoined(body, [next(places) if a.nbytes >= LEAST_BYTES else a for a in arrays]))
+        return cast(Result, rebuild(body, [next(places) if a.nbytes >= LEAST_BYTES else a for a in arrays]))
 
     def _written(self, arrays: list[np.ndarray]) -> list[np.ndarray]:
         sizes = [-(-array.nbytes // _ALIGNED) * _ALIGNED for array in arrays]

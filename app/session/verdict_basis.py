@@ -21,7 +21,7 @@ class VerdictBasis:
     shots: tuple[int, ...] = ()
     conclusion: Verdict | None = None
 
-    def holds(self, effects: Iterable[Effect], there: Collection[int]) -> bool:
+    def is_valid(self, effects: Iterable[Effect], there: Collection[int]) -> bool:
         """Return whether the verdict is valid for a model with these effects and a session with the shots ``there``.
 
         It remains valid once all effects found are in the model, because the diagnosis fitted that model too.
@@ -81,7 +81,7 @@ class ModelEffects:
         there = (*changed.collision, *changed.drive)
         return replace(changed, tried=tuple(effect for effect in self.tried if effect in there))
 
-    def trying(self, effects: Iterable[Effect]) -> "ModelEffects":
+    def with_tried(self, effects: Iterable[Effect]) -> "ModelEffects":
         """Return a copy with these effects marked as tried."""
         return replace(self, tried=(*self.tried, *(effect for effect in effects if effect not in self.tried)))
 

@@ -13,9 +13,10 @@ from pathlib import Path
 from analysis.diagnosis import Diagnosis
 from analysis.fitted import awaits_fit
 from analysis.shot import AnalysisSettings, Progress, Shot, Stop, why_not_together
+from app.session.candidate_residuals import CandidateResiduals
 from app.session.entry import Entry
 from app.session.exports import Exports, UnsavedShots
-from app.session.jobs import Event, EventKind, Saver, Take, Work
+from app.session.jobs import Event, EventKind, JobQueues, OnResult, Saver
 from app.session.load import load_and_analyse, unanalysed
 from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
@@ -26,7 +27,6 @@ from app.session.settings import correction_words
 from app.session.shot_work import diagnose_shots
 from app.session.spool import Spool
 from app.session.verdict_basis import Diagnosed, Diagnoses, verdict_of
-from app.session.why import Why
 from app.words import verdict_words
 from instrument.capture import STOPPED
 from instrument.files import RecordingError, find_recordings, rewrite_note
@@ -44,13 +44,13 @@ class Workbench:
         session: Session,
         settings: Callable[[], AnalysisSettings],
         saver: Saver | None = None,
-        apart: SubprocessWorker | None = None,
+        subprocess_worker: SubprocessWorker | None = None,
         again: Callable[[], AnalysisSettings] | None = None,
         results: ResultCache | None = None,
         own_laws: OwnLaws | None = None,
         spool: Spool | None = None,
     ) -> None:
-        """``saver`` saves the session in its own thread; ``apart`` is the subprocess for long work, None: a thread.
+        """``saver`` saves the session in its own thread; ``subprocess_worker`` does long work, None: a thread.
 
         ``again`` returns the settings for a repeated analysis, with corrections of the rig; default: ``settings``.
         ``results`` is the cache for the next start; ``own_laws`` are the user's laws, which a diagnosis also tries;
@@ -62,17 +62,17 @@ class Workbench:
             session.save_by = saver.submit
         self._spool = spool
         if spool is not None:
-            session.held = spool.moved
+            session.spool_arrays = spool.moved
         self.own_laws = own_laws or OwnLaws(None)
-        self._work = Work(apart)
-        self.jobs, self.short_jobs, self.aside = self._work.jobs, self._work.short_jobs, self._work.aside
-        self.model = ModelWork(session, self._work, self._tell, self._changed)
+        self._work = JobQueues(subprocess_worker)
+        self.jobs, self.short_jobs, self.submit_long = self._work.jobs, self._work.short_jobs, self._work.submit_long
+        self.model = ModelWork(session, self._work, self._notify, self._changed)
         self._kept = CacheWork(results, self.short_jobs) if results is not None else None
         self._usual = session.path.parent if session.path is not None else None
         self.diagnoses = Diagnoses()
-        self.why = Why(self._work)
-        self.exports = Exports(session, self._work, self.diagnoses, self._tell)
-        self.unsaved = UnsavedShots(session, self.short_jobs, self._tell)
+        self.candidate_residuals = CandidateResiduals(self._work)
+        self.exports = Exports(session, self._work, self.diagnoses, self._notify)
+        self.unsaved = UnsavedShots(session, self.short_jobs, self._notify)
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
         self._tried_at_s = -SAVE_AGAIN_S  # monotonic time of the last repeated attempt to save the session
@@ -99,7 +99,7 @@ class Workbench:
         self._switch_to(other)
         return other.problem
 
-    def usual_session(self) -> str | None:
+    def open_unnamed_session(self) -> str | None:
         """Open the unnamed session; return an error message, or None."""
         if self._usual is None:
             return "this window has no session file"
@@ -117,11 +117,11 @@ class Workbench:
         return self.session.problem
 
     def _switch_to(self, other: Session) -> None:
-        self._work.another_session()
+        self._work.cancel_session_jobs()
         self.model.forget()
         self.diagnoses.clear()
         self._captured.clear()  # shots still being analysed are added to the new session
-        self.session.become(other)
+        self.session.switch_to(other)
         self.read_unread()
 
     # commands --------------------------------------------------------------------------------------------------
@@ -154,7 +154,7 @@ class Workbench:
 
     def find_unlisted(self, folder: Path, sessions: Sequence[Path] = ()) -> None:
         """Queue a search for recordings in ``folder`` that neither this session nor ``sessions`` list."""
-        own = {entry.path for entry in self.session.entries if entry.path is not None} | {*self.session.left_out}
+        own = {entry.path for entry in self.session.entries if entry.path is not None} | {*self.session.dismissed}
         now_s = time.time()
 
         def work(_: Progress, __: Stop) -> Unlisted:
@@ -168,7 +168,7 @@ class Workbench:
         An entry without an analysed motion is not copied: it takes the result itself.
         """
         count = 0
-        for entry in self.session.among(numbers):
+        for entry in self.session.entries_with(numbers):
             if entry.path is None:
                 continue
             if entry.shot is not None and entry.shot.motion is None:
@@ -210,11 +210,11 @@ class Workbench:
 
     def take_fit(self, shot: Shot) -> Entry | None:
         """Store the fit of a captured shot; return its entry, or None if no entry awaits this fit."""
-        awaiting = self.session.awaiting(shot)
+        awaiting = self.session.entry_awaiting_fit(shot)
         if awaiting is None:
             return None
         if shot.fit_problem == STOPPED:  # Abort stopped the fit; a background job repeats it
-            self.model.catch_up(also=[awaiting])
+            self.model.refit_outdated(also=[awaiting])
             return awaiting
         self.session.fill(awaiting.number, replace(shot, path=awaiting.path))
         entry = self.session.entry(awaiting.number)
@@ -226,8 +226,8 @@ class Workbench:
         """Cache the result of a captured shot, or refit the shot if the model has changed."""
         shot = entry.shot
         assert shot is not None
-        if self.model.is_behind(entry):
-            self.model.catch_up()
+        if self.model.needs_refit(entry):
+            self.model.refit_outdated()
         else:
             self._keep([shot])
 
@@ -238,9 +238,8 @@ class Workbench:
 
     def diagnose(self, numbers: Sequence[int]) -> str | None:
         """Queue the joint diagnosis of these entries; return an error message, or None."""
-        chosen = [
-            entry for entry in self.session.among(numbers) if entry.shot is not None and entry.shot.motion is not None
-        ]
+        entries = self.session.entries_with(numbers)
+        chosen = [entry for entry in entries if entry.shot is not None and entry.shot.motion is not None]
         if not chosen:
             return "select at least one analysed shot"
         shots = [entry.shot for entry in chosen if entry.shot is not None]
@@ -249,14 +248,14 @@ class Workbench:
         ids = tuple(entry.number for entry in chosen)
         laws, problems = self.own_laws.read()
         for problem in problems:
-            self._tell(EventKind.PROBLEM, problem)
+            self._notify(EventKind.PROBLEM, problem)
         accepted = self.session.effects.of(shots[0].settings.model)
         seconds = self._settings().diagnosis_seconds  # the present setting, not the one stored with the shots
         judging = partial(diagnose_shots, shots, accepted, laws, seconds)
         which = ", ".join(str(number) for number in ids[:MOST_NAMED])
         more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
         name = f"diagnosis of shot{'s' if len(ids) > 1 else ''} {which}{more}"
-        self.aside(name, judging, "diagnosis", partial(self._take_diagnosis, ids))
+        self.submit_long(name, judging, "diagnosis", partial(self._take_diagnosis, ids))
         return None
 
     def set_note(self, number: int, note: str) -> None:
@@ -296,7 +295,7 @@ class Workbench:
             if entry.shot is None and entry.path is not None and entry.number not in there:
                 self._submit_fill(entry)
         # fits of restored entries may have finished while the entries were removed
-        self.model.catch_up(also=self.session.entries)
+        self.model.refit_outdated(also=self.session.entries)
         return what
 
     # results ----------------------------------------------------------------------------------------------------
@@ -305,21 +304,21 @@ class Workbench:
         """Return the events since the last call."""
         if self._spool is not None:
             self._spool.release()
-        for problem in self._work.take_ended():
-            self._tell(EventKind.PROBLEM, problem)
+        for problem in self._work.collect_results():
+            self._notify(EventKind.PROBLEM, problem)
         if self.session.unsaved and time.monotonic() - self._tried_at_s > SAVE_AGAIN_S:
             self._tried_at_s = time.monotonic()
             self.session.save_again()
         events, self._waiting = self._waiting, []
         return events
 
-    def _tell(self, kind: EventKind, words: str, numbers: tuple[int, ...] = (), paths: tuple[Path, ...] = ()) -> None:
+    def _notify(self, kind: EventKind, words: str, numbers: tuple[int, ...] = (), paths: tuple[Path, ...] = ()) -> None:
         self._waiting.append(Event(kind, words, numbers, paths))
 
     def _changed(self, number: int, shot: Shot) -> None:
         """Cache an entry's new shot and report the change to the window."""
         self._keep([shot])
-        self._tell(EventKind.CHANGED, "", (number,))
+        self._notify(EventKind.CHANGED, "", (number,))
 
     def _take_diagnosis(self, numbers: tuple[int, ...], diagnosis: Diagnosis) -> None:
         result = self._held(Diagnosed(diagnosis, numbers))
@@ -330,10 +329,10 @@ class Workbench:
         of = verdict_of(diagnosis, numbers)
         for number in numbers:
             self.session.set_verdict(number, verdict_words(diagnosis.verdict, of.found), of)
-        self._tell(EventKind.DIAGNOSED, diagnosis.sentence, numbers)
+        self._notify(EventKind.DIAGNOSED, diagnosis.sentence, numbers)
         if diagnosis.not_asked:
             words = f"not computed within the diagnosis time limit (F2): {'; '.join(diagnosis.not_asked)}"
-            self._tell(EventKind.PROBLEM, words)
+            self._notify(EventKind.PROBLEM, words)
 
     def _held(self, found: Diagnosed) -> Diagnosed:
         return found if self._spool is None else replace(found, diagnosis=self._spool.moved(found.diagnosis))
@@ -341,26 +340,26 @@ class Workbench:
     def _take_opened(self, copy_of: int | None, shot: Shot) -> None:
         entry = self.session.add(shot, copy_of=copy_of)
         self._keep([shot])
-        self.model.catch_up()
-        self._tell(EventKind.SHOT, f"{entry.name} opened", (entry.number,))
+        self.model.refit_outdated()
+        self._notify(EventKind.SHOT, f"{entry.name} opened", (entry.number,))
 
     def _take_filled(self, number: int, shot: Shot) -> None:
         entry = self.session.entry(number)
         if entry is None or (entry.shot is not None and entry.shot.motion is not None):
             return  # the entry was removed or is already analysed
         self.session.fill(number, shot)
-        self.model.catch_up()
+        self.model.refit_outdated()
         self._changed(number, shot)
 
     def _take_unlisted(self, result: Unlisted) -> None:
         if result.cut_off:
             words = f"The program stopped while recording {_named(result.cut_off)}; the saved part can be opened"
-            self._tell(EventKind.UNLISTED, words, paths=result.cut_off)
+            self._notify(EventKind.UNLISTED, words, paths=result.cut_off)
         if result.complete:
             count = len(result.complete)
             which = "1 recording in the data folder is" if count == 1 else f"{count} recordings in the data folder are"
             words = f"{which} in no session: {_named(result.complete)}"
-            self._tell(EventKind.UNLISTED, words, paths=result.complete)
+            self._notify(EventKind.UNLISTED, words, paths=result.complete)
 
     def _take_cached(self, cached: dict[int, CachedShot | None]) -> None:
         """Set the shots of entries found in the cache, and queue the analysis of the other entries."""
@@ -369,17 +368,17 @@ class Workbench:
         for entry in waiting:
             if (kept := cached[entry.number]) is not None:
                 self.session.fill(entry.number, kept.shot, kept.version)
-        self.model.catch_up()
+        self.model.refit_outdated()
         for entry in waiting:
             if cached[entry.number] is None:
                 self._submit_fill(entry)
         if found := tuple(number for number, kept in cached.items() if kept is not None):
-            self._tell(EventKind.CHANGED, "", found)
+            self._notify(EventKind.CHANGED, "", found)
 
     def _take_cached_diagnoses(self, found: list[Diagnosed]) -> None:
         self.diagnoses[:0] = map(self._held, found)  # in front, because diagnoses made since the start are newer
         if found:
-            self._tell(EventKind.CHANGED, "")
+            self._notify(EventKind.CHANGED, "")
 
     # the jobs ---------------------------------------------------------------------------------------------------
 
@@ -390,10 +389,10 @@ class Workbench:
         take = partial(self._take_filled, entry.number)
         self._submit_reading(Path(entry.path or ""), entry.name, entry.settings, take)
 
-    def _submit_reading(self, path: Path, name: str, settings: AnalysisSettings, take: Take) -> None:
+    def _submit_reading(self, path: Path, name: str, settings: AnalysisSettings, take: OnResult) -> None:
         """Queue the analysis of a recording and its fit with the effects in the model."""
         reading = partial(load_and_analyse, path, settings=settings, effects_of=self.session.effects.of)
-        self.aside(name, reading, "open", take)
+        self.submit_long(name, reading, "open", take)
 
 
 def _named(paths: Sequence[Path]) -> str:

@@ -13,7 +13,6 @@ from PySide6.QtWidgets import QApplication, QMainWindow
 from analysis.shot import AnalysisSettings
 from app.session import (
     PLAN,
-    Choices,
     Kernels,
     NextShots,
     Open,
@@ -22,6 +21,7 @@ from app.session import (
     ResultCache,
     Rig,
     Saver,
+    SettingsStore,
     Spool,
     Workbench,
     complete,
@@ -61,35 +61,35 @@ class MainWindow(QMainWindow):
         rig: Rig,
         workbench: Workbench,
         theme: Theme,
-        choices: Choices,
+        store: SettingsStore,
         kernels: Kernels,
         log: ProgramLog,
     ) -> None:
         super().__init__()
-        self.log, self._choices = log, choices
+        self.log, self._store = log, store
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
         self.rig, self.workbench, self.theme = rig, workbench, theme
         self._warned: frozenset[str] = frozenset()  # keys of the losses named at the last attempt to close
         self.panels = Layout(theme, self)
         self.setCentralWidget(self.panels)
-        self.rig_presenter = RigPresenter(rig, choices, self.panels, self)
+        self.rig_presenter = RigPresenter(rig, store, self.panels, self)
         self.selection_presenter = SelectionPresenter(workbench, self.panels, self)
-        self.session_presenter = SessionPresenter(workbench, choices, self.panels, self.selection_presenter, self)
+        self.session_presenter = SessionPresenter(workbench, store, self.panels, self.selection_presenter, self)
         self.diagnosis_presenter = DiagnosisPresenter(workbench, self.panels, self)
-        plans = NextShots(workbench, rig, choices)
+        plans = NextShots(workbench, rig, store)
         self.next_shot_presenter = NextShotPresenter(
             plans, workbench, self.panels, self.diagnosis_presenter.found, self
         )
-        self.view_presenter = ViewPresenter(self.panels, lambda: choices.start_folder, self)
-        self.files_presenter = FilesPresenter(workbench, choices, self.panels, self)
+        self.view_presenter = ViewPresenter(self.panels, lambda: store.start_folder, self)
+        self.files_presenter = FilesPresenter(workbench, store, self.panels, self)
         self.laws_presenter = LawsPresenter(workbench.own_laws, self.panels, self)
-        self.setup_presenter = SetupPresenter(rig, choices, workbench.short_jobs, self.panels, self)
-        self.tour_presenter = TourPresenter(choices, self.panels, self)
+        self.setup_presenter = SetupPresenter(rig, store, workbench.short_jobs, self.panels, self)
+        self.tour_presenter = TourPresenter(store, self.panels, self)
         self.help_presenter = HelpPresenter(self.panels, log.folder, self)
-        self.mapping_presenter = MappingPresenter(workbench, choices, self.panels, self)
+        self.mapping_presenter = MappingPresenter(workbench, store, self.panels, self)
         self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
-        self.model_presenter = ModelPresenter(workbench, choices, self.panels, self.selection_presenter.front, self)
+        self.model_presenter = ModelPresenter(workbench, store, self.panels, self.selection_presenter.front, self)
         self.plot_notes_presenter = PlotNotesPresenter(
             workbench.session, self.panels, self.selection_presenter.front, self
         )
@@ -140,14 +140,14 @@ class MainWindow(QMainWindow):
 
     def _start_work(self, kernels: Kernels) -> None:
         """Report problems of session and settings; queue kernels, reading of shots, search for unlisted recordings."""
-        workbench, choices = self.workbench, self._choices
+        workbench, store = self.workbench, self._store
         if workbench.session.problem:
             self.say(workbench.session.problem, Tone.WARNING)
-        for words in choices.warnings:
+        for words in store.warnings:
             self.say(words, Tone.WARNING)
         workbench.jobs.submit("loading" if complete() else "first start", kernels.work, "warm")
         workbench.read_unread()
-        workbench.find_unlisted(choices.settings.data_folder, choices.sessions)
+        workbench.find_unlisted(store.settings.data_folder, store.sessions)
         self.session_presenter.refresh()
 
     @Slot()
@@ -249,7 +249,7 @@ class MainWindow(QMainWindow):
             event.ignore()
             return
         self._timer.stop()
-        self._choices.change({"window": state_text(self, self.panels)})
+        self._store.change({"window": state_text(self, self.panels)})
         self.workbench.close()
         self.rig.close()
         event.accept()
@@ -273,35 +273,35 @@ def open_window(
     subprocess for the analysis of the rig's shots and another for all other long work.
     """
     sys.setswitchinterval(SWITCH_S)
-    choices = Choices(folder / "settings.json")
-    theme = Theme(choices.settings.appearance)
+    store = SettingsStore(folder / "settings.json")
+    theme = Theme(store.settings.appearance)
     workers = (SubprocessAnalysis(warm_up_analysis), SubprocessWorker(warm_up_analysis)) if apart else (None, None)
     analyst, helper = workers
     kernels = Kernels(analyst, helper)
 
     def opened(source: str) -> Digitizer:
-        return open_in_subprocess(at_site(source, site or choices.settings.site))
+        return open_in_subprocess(at_site(source, site or store.settings.site))
 
-    session = last_session(choices.settings.session, folder)
+    session = last_session(store.settings.session, folder)
 
     def analysis() -> AnalysisSettings:
-        settings = choices.analysis()
+        settings = store.analysis()
         return replace(settings, effects=session.effects.of(settings.model))
 
     rig = Rig(
-        lambda source, digitizer: choices.settings.options(source, digitizer),
+        lambda source, digitizer: store.settings.options(source, digitizer),
         analysis,
         kernels.wait,
-        source=choices.settings.source,
+        source=store.settings.source,
         open_digitizer=open_digitizer or opened,
         analyst=analyst,
     )
     kept, laws, spool = ResultCache(folder / "kept"), OwnLaws(folder / "laws"), Spool(folder / "kept")
-    workbench = Workbench(session, choices.analysis, Saver(), helper, choices.analysis_again, kept, laws, spool)
-    window = MainWindow(rig, workbench, theme, choices, kernels, log or ProgramLog(folder))
+    workbench = Workbench(session, store.analysis, Saver(), helper, store.analysis_again, kept, laws, spool)
+    window = MainWindow(rig, workbench, theme, store, kernels, log or ProgramLog(folder))
     theme.setParent(window)
     window.resize(first_size(window))
-    restore_state(window, window.panels, choices.settings.window)
+    restore_state(window, window.panels, store.settings.window)
     return window
 
 

@@ -1,6 +1,7 @@
+from .escaping import PlainStream, cell
 from .flags import MILD_FLAGS, by_weight, flag_name, flag_words, flags_in_short
 from .markup import Markup, joined, lines, table, tag
-from .physics_words import (
+from .model_texts import (
     CHANNEL_NAMES,
     OUTDATED,
     VERDICTS,
@@ -12,7 +13,6 @@ from .physics_words import (
     repeatability_words,
     verdict_words,
 )
-from .plain import PlainStream, cell
 from .wording import (
     COMBINED,
     DASH,

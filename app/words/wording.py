@@ -9,7 +9,7 @@ from PySide6.QtCore import QLocale
 from analysis.collision import Effect, OwnLaw
 from analysis.shot import NotSeen, Quantity, Reading, words_and_unit
 from app.words.markup import Markup, lines, tag
-from app.words.physics_words import prefix_for
+from app.words.model_texts import prefix_for
 
 DASH = "–"
 COMBINED = "± is the combined standard uncertainty, from all sources in the budget."

@@ -16,8 +16,8 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.shot import PlotNote
 from app.command_line import options, parser
 from app.command_line.campaign.task import tasks_of
-from app.session import choices
 from app.session import entry as entry_module
+from app.session import settings_store
 from app.session import workbench as workbench_module
 from app.session.jobs import EventKind
 from app.session.result_archive import packed, unpacked
@@ -106,8 +106,8 @@ def test_every_field_survives_the_settings_file_and_a_kept_result(tmp_path):
     air = {"temperature_c": 20.0, "pressure_pa": 1e5, "humidity_percent": 40.0}
     apart = air | {"switch_low_v": 1.0, "switch_high_v": 2.0, "pre_trigger_s": 0.01, "duration_s": 0.1}
     whole = replace(Settings(), **{of.name: apart.get(of.name, _other(of)) for of in fields(Settings)})
-    assert choices.save(tmp_path / "settings.json", whole) is None
-    after, words = choices.load(tmp_path / "settings.json")
+    assert settings_store.save(tmp_path / "settings.json", whole) is None
+    after, words = settings_store.load(tmp_path / "settings.json")
     assert after == whole and not words
     assert all(getattr(after, of.name) != of.default for of in fields(Settings))
     for of in fields(after.analysis):

@@ -17,7 +17,7 @@ from analysis.shot.quantity import Quantity
 from app.report.page import report_of
 from app.session.session import Session
 from app.session.verdict_basis import ModelEffects
-from app.words.physics_words import verdict_words
+from app.words.model_texts import verdict_words
 from app.words.wording import effect_numbers, unbroken
 from tests.app import synthetic
 

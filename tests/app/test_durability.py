@@ -11,10 +11,10 @@ import pytest
 from analysis.shot.recording import Channel, Recording, Role, Setup
 from app.command_line.doctor import write_bundle
 from app.report.exports import export_hdf5, write_motion
-from app.session.choices import load, save
 from app.session.model_in_use import save_model
 from app.session.session import Session
 from app.session.settings import Settings
+from app.session.settings_store import load, save
 from app.session.verdict_basis import ModelEffects
 from app.window.plots.save import save_columns
 from instrument.files.recording_error import RecordingError

@@ -8,7 +8,7 @@ import pytest
 from analysis.shot.shot import Cancelled
 from app.session import jobs as module
 from app.session.entry import Entry
-from app.session.jobs import Job, Jobs, Saver, ShotJob, Work
+from app.session.jobs import Job, JobQueues, Jobs, Saver, ShotJob
 
 
 def _wait(job, jobs):
@@ -156,19 +156,19 @@ def test_a_saver_does_the_newest_task_it_was_given():
 
 
 def test_results_of_a_session_are_dropped_once_another_is_open_and_failures_are_said():
-    work, taken = Work(None), []
+    work, taken = JobQueues(None), []
     try:
         of_first = work.jobs.submit("one", lambda *_: 1, "open", taken.append)
         assert of_first.done.wait(10)
-        work.another_session()
+        work.cancel_session_jobs()
         of_second = work.short_jobs.submit("two", lambda *_: 2, "open", taken.append)
         failed = work.jobs.submit("three", lambda *_: {}["missing"])
         of_none = work.jobs.submit("four", lambda *_: 4, take=taken.append)
         for job in (of_second, failed, of_none):
             assert job.done.wait(10)
-        assert list(work.take_ended()) == ["three: 'missing'"]
-        assert sorted(taken) == [2, 4] and list(work.take_ended()) == []
-        assert work.do(lambda progress, cancelled: (progress, cancelled), "report", "stop") == ("report", "stop")
+        assert list(work.collect_results()) == ["three: 'missing'"]
+        assert sorted(taken) == [2, 4] and list(work.collect_results()) == []
+        assert work.run_long(lambda progress, cancelled: (progress, cancelled), "report", "stop") == ("report", "stop")
     finally:
         assert work.close()
 
@@ -176,11 +176,11 @@ def test_results_of_a_session_are_dropped_once_another_is_open_and_failures_are_
 @pytest.mark.parametrize("kind", ["open", "refit", "diagnosis", "plan", "kept", "model"])
 def test_another_session_cancels_the_work_of_this_one_and_no_other(held, kind):
     jobs, _, _ = held
-    work = Work(None)
+    work = JobQueues(None)
     work.jobs.close()
     work.jobs = jobs
     mine, export = jobs.submit("x", lambda *_: 1, kind), jobs.submit("y", lambda *_: 1, "export")
-    work.another_session()
+    work.cancel_session_jobs()
     assert mine.cancelled and not export.cancelled
     work.short_jobs.close()
 
@@ -201,14 +201,14 @@ def test_work_on_the_shot_in_view_is_done_once_for_each_and_given_out_once():
     one, two = (Entry(n, f"s{n}", Path("x"), None) for n in (1, 2))
     try:
         assert of.take() is None and of.job is None
-        assert of.ask(*work(one, "a")) and not of.ask(*work(one, "b"))
+        assert of.start(*work(one, "a")) and not of.start(*work(one, "b"))
         assert of.job is not None and of.job.name == "spectra of s1" and of.job.done.wait(10)
-        assert of.take() == (one, 10) and of.take() is None and not of.ask(*work(one, "c"))
+        assert of.take() == (one, 10) and of.take() is None and not of.start(*work(one, "c"))
         of.forget()
-        assert of.ask(*work(one, "d"))
+        assert of.start(*work(one, "d"))
         first = of.job
-        assert of.ask(*work(two, "fail")) and of.job.done.wait(10)
-        assert of.take() is None and of.ask(*work(two, "e"))  # what failed is tried again
+        assert of.start(*work(two, "fail")) and of.job.done.wait(10)
+        assert of.take() is None and of.start(*work(two, "e"))  # what failed is tried again
         assert of.job.done.wait(10) and of.take() == (two, 20)
         assert first.cancelled or first.result == 10
         assert asked[0] == (1, "a") and asked[-1] == (2, "e")

@@ -10,9 +10,9 @@ from PySide6.QtWidgets import QGraphicsView, QGridLayout, QLabel, QLayout, QPush
 
 from analysis.drive.curves import drive_curves
 from analysis.uncertainty.numbers import NUMBERS
-from app.session.choices import Choices
 from app.session.session import Session
 from app.session.settings import FIELDS
+from app.session.settings_store import SettingsStore
 from app.window.layout import Layout
 from app.window.panels.help import Step, Tour
 from app.window.panels.numbers import NumbersPanel
@@ -253,7 +253,7 @@ def test_each_callout_of_the_tour_shows_all_its_words_inside_the_window(panels, 
     panels.resize(1300, 850)
     panels.show()
     tour = panels.tour
-    TourPresenter(Choices(tmp_path / "settings.json"), panels, panels).start()
+    TourPresenter(SettingsStore(tmp_path / "settings.json"), panels, panels).start()
     for _ in tour._steps:
         QCoreApplication.processEvents()
         words = tour._words

@@ -17,7 +17,7 @@ from analysis.report import fit_result
 from analysis.shot.quantity import Quantity
 from app.report.exports import export_laws
 from app.session.model_in_use import OwnLaws
-from app.session.result_archive import NotStorable, parted, rejoined
+from app.session.result_archive import NotStorable, rebuild, split
 from app.session.session import Session
 from app.session.verdict_basis import ModelEffects, VerdictBasis
 from app.window.panels.law_curve import LawCurve
@@ -66,10 +66,10 @@ def test_a_law_in_the_model_goes_through_files_and_processes_as_the_same_effect(
     assert from_text(text).effects == from_text(text).tried == (law,)
     assert tomllib.loads(text)["effects"] == ['stir{"name":"stir",' + law.key.partition(",")[2]]
     assert pickle.loads(pickle.dumps(of.settings)) == of.settings
-    assert rejoined(*parted(of)).fit.effects == (law,)
+    assert rebuild(*split(of)).fit.effects == (law,)
     session = Session(tmp_path / "session.json")
     session.add(of)
-    session.set_effects(ModelEffects((law,)).trying((law,)))
+    session.set_effects(ModelEffects((law,)).with_tried((law,)))
     session.set_verdict(1, "found", VerdictBasis((law,), (other,), (1,)))
     written = json.loads((tmp_path / "session.json").read_text())
     assert written["effects"] == written["tried"] == [law.key]
@@ -83,9 +83,9 @@ def test_a_law_in_the_model_goes_through_files_and_processes_as_the_same_effect(
 
 def test_every_effect_and_candidate_is_kept_and_sent_to_another_process():
     for effect in (*CATALOGUE.values(), *WIDER.values(), *NUISANCES.values(), *LAWS.values(), GAIN_ERROR):
-        assert rejoined(*parted(effect)) == pickle.loads(pickle.dumps(effect)) == effect, effect
+        assert rebuild(*split(effect)) == pickle.loads(pickle.dumps(effect)) == effect, effect
     with pytest.raises(NotStorable, match="gremlins"):
-        rejoined({"effect": "gremlins", "base": ""}, [])
+        rebuild({"effect": "gremlins", "base": ""}, [])
 
 
 def test_what_a_later_version_named_is_no_verdict_of_this_one(tmp_path):

@@ -8,8 +8,8 @@ from PySide6.QtGui import QTextDocumentFragment
 from pytestqt.qtbot import QtBot
 
 from analysis.shot.recording import Role
-from app.session.choices import Choices
 from app.session.session import Session
+from app.session.settings_store import SettingsStore
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.presenters.mapping import MappingPresenter
@@ -25,17 +25,17 @@ def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_pa
     rows = [f"{np.sin(17e6 * t):.5f},{np.cos(17e6 * t):.5f}" for t in time_s]
     path.write_text("one,two\n" + "\n".join(rows) + "\n")
     assert is_unmapped(path)
-    choices = Choices(tmp_path / "settings.json")
+    store = SettingsStore(tmp_path / "settings.json")
     panels = Layout(Theme("light"))
     qtbot.addWidget(panels)
     panels.resize(1200, 800)
     panels.show()
-    workbench = Workbench(Session(), choices.analysis)
+    workbench = Workbench(Session(), store.analysis)
     opened: list[Path] = []
     workbench.open_paths = lambda paths: opened.extend(paths) or len(paths)  # type: ignore[method-assign,func-returns-value]
     try:
-        presenter = MappingPresenter(workbench, choices, panels)
-        session = SessionPresenter(workbench, choices, panels, SelectionPresenter(workbench, panels, panels), panels)
+        presenter = MappingPresenter(workbench, store, panels)
+        session = SessionPresenter(workbench, store, panels, SelectionPresenter(workbench, panels, panels), panels)
         session.mapping_wanted.connect(presenter.ask)
         sheet = panels.mapping
         session.open_paths([path])
@@ -70,16 +70,16 @@ def test_a_displacement_is_opened_in_the_unit_of_its_header_or_the_one_chosen(
 ) -> None:
     path = tmp_path / "logger.csv"
     path.write_text(f"time (ms),{header}\n" + "\n".join(f"{0.1 * n:.1f},{0.5 * n:.1f}" for n in range(400)) + "\n")
-    choices = Choices(tmp_path / "settings.json")
+    store = SettingsStore(tmp_path / "settings.json")
     panels = Layout(Theme("light"))
     qtbot.addWidget(panels)
     panels.resize(1200, 800)
     panels.show()
-    workbench = Workbench(Session(), choices.analysis)
+    workbench = Workbench(Session(), store.analysis)
     opened: list[Path] = []
     workbench.open_paths = lambda paths: opened.extend(paths) or len(paths)  # type: ignore[method-assign,func-returns-value]
     try:
-        presenter = MappingPresenter(workbench, choices, panels)
+        presenter = MappingPresenter(workbench, store, panels)
         sheet = panels.mapping
         presenter.ask([path])
 
@@ -101,6 +101,6 @@ def test_a_displacement_is_opened_in_the_unit_of_its_header_or_the_one_chosen(
         record = read_motion(path)
         assert record.displacement_m is not None
         np.testing.assert_allclose(record.displacement_m, 0.5e-3 * np.arange(400), rtol=1e-12)
-        assert record.moving_mass_kg == choices.settings.moving_mass_kg and not is_unmapped(path)
+        assert record.moving_mass_kg == store.settings.moving_mass_kg and not is_unmapped(path)
     finally:
         workbench.close()

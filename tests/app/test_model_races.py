@@ -35,7 +35,7 @@ class Races(RuleBasedStateMachine):
         super().__init__()
         self._folder = tempfile.TemporaryDirectory()
         self.gate = SteppedWork()
-        self.bench = Workbench(Session(), AnalysisSettings, apart=self.gate)  # type: ignore[arg-type]
+        self.bench = Workbench(Session(), AnalysisSettings, subprocess_worker=self.gate)  # type: ignore[arg-type]
         self.shots = 0
         for _ in range(2):
             self.captured()
@@ -78,7 +78,7 @@ class Races(RuleBasedStateMachine):
 
     @rule(name=EFFECTS)
     def try_out(self, name: str) -> None:
-        self.bench.model.try_out("paper", name)
+        self.bench.model.add_tried("paper", name)
 
     @rule(name=EFFECTS)
     def take_out(self, name: str) -> None:
@@ -122,7 +122,7 @@ class Races(RuleBasedStateMachine):
 
     @invariant()
     def one_model_file_or_none(self) -> None:
-        known = self.bench.model.known
+        known = self.bench.model.loaded_model
         if known is not None:
             assert known.effects == self.bench.session.effects.of(known.base)
 

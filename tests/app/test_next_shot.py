@@ -115,7 +115,7 @@ def planned(said):
 
 def test_a_planned_shot_is_set_taken_joined_and_told(planned, said, tmp_path):
     plans, workbench, rig, found = planned
-    assert plans.standing(found) == PlanningState(PLAN)
+    assert plans.plan_for(found) == PlanningState(PLAN)
     plans.take(found)
     ((source, change),) = rig.taken
     assert source == "bench?seed=4&speed=0.6000&added=0.05000&first=2" and plans.taking == FAST
@@ -175,7 +175,7 @@ def test_a_shot_that_cannot_be_read_joins_nothing_and_one_may_give_up(planned):
     plans.arrived(SimpleNamespace(number=9, shot=None))
     assert workbench.asked == [] and plans.taking is None and rig.opened == ["bench?seed=4"]
     plans.take(found)
-    plans.give_up()
+    plans.cancel_planned()
     assert plans.taking is None and len(rig.opened) == 2
     plans.arrived(SimpleNamespace(number=3, shot=workbench.session.shots((3,))[0]))
     assert workbench.asked == []

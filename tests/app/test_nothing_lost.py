@@ -17,13 +17,13 @@ from analysis.pipeline import fitted, read
 from analysis.shot.motion import ARRAYS
 from analysis.shot.recording import Channel, Recording, Role, Setup
 from analysis.shot.shot import AnalysisSettings, Cancelled, Shot
-from app.session.choices import Choices
 from app.session.log import NAME, ProgramLog, note
 from app.session.result_cache import ResultCache
 from app.session.rig import Rig
 from app.session.session import Entry, Session
 from app.session.session_files import Unlisted, listed_by, unlisted
 from app.session.settings import FIELDS, Settings
+from app.session.settings_store import SettingsStore
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT
@@ -154,7 +154,11 @@ def away(qtbot: QtBot, tmp_path: Path) -> Iterator[tuple[Workbench, Layout, Sess
     qtbot.addWidget(panels)
     workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
     selection = SelectionPresenter(workbench, panels, panels)
-    yield workbench, panels, SessionPresenter(workbench, Choices(tmp_path / "settings.json"), panels, selection, panels)
+    yield (
+        workbench,
+        panels,
+        SessionPresenter(workbench, SettingsStore(tmp_path / "settings.json"), panels, selection, panels),
+    )
     workbench.close()
 
 
@@ -370,7 +374,7 @@ def test_a_recording_that_no_session_lists_is_offered_until_it_is_declined(
         assert found in notices.words and bool(notices.words) == bool(found)
     notices.next()  # declined
     again = Session.reopen(tmp_path / "session.json")
-    assert again.left_out == (str(first),)
+    assert again.dismissed == (str(first),)
     workbench.find_unlisted(tmp_path)
     qtbot.waitUntil(lambda: workbench.short_jobs.open_jobs == 0, timeout=WAIT_MS)
     presenter.refresh()

@@ -5,7 +5,7 @@ import math
 import pytest
 from PySide6.QtCore import QLocale
 
-from app.words.physics_words import prefix_for
+from app.words.model_texts import prefix_for
 from app.words.wording import with_prefix
 
 

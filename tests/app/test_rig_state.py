@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from analysis.shot.shot import AnalysisSettings
-from app.session.rig import LONGEST_ARMING_S, Rig, _Running
+from app.session.rig import LONGEST_ARMING_S, Rig, _OpenSource
 from instrument.capture.acquisition import State
 from instrument.capture.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
@@ -64,7 +64,7 @@ def rig():
     now = [100.0]
     one = Rig(lambda *_: "options", AnalysisSettings, SimpleNamespace(), open_digitizer=refused, clock=lambda: now[0])
     one.open("absent")
-    _until(lambda: one.latest().state is State.FAULT and not one._orders)
+    _until(lambda: one.latest().state is State.FAULT and not one._requests)
     one.now = now
     yield one
     one._running = None
@@ -80,7 +80,7 @@ def _until(done) -> None:
 
 def _runs(rig, state: State = State.IDLE) -> Capture:
     capture = Capture(state)
-    rig._running = _Running("bench?seed=1", SimpleNamespace(), capture, ("PD0", "PD1"), 14, 2e6)
+    rig._running = _OpenSource("bench?seed=1", SimpleNamespace(), capture, ("PD0", "PD1"), 14, 2e6)
     return capture
 
 
@@ -210,7 +210,7 @@ def test_a_source_that_does_not_let_go_is_said(rig, ends: bool, held: bool, said
     capture = _runs(rig)
     capture.ends, capture.digitizer_held = ends, held
     rig.open("absent")
-    _until(lambda: rig.latest().state is State.FAULT and not rig._orders and rig._running is None)
+    _until(lambda: rig.latest().state is State.FAULT and not rig._requests and rig._running is None)
     problems = rig.take_problems()
     assert capture.told == [("close", None)] and len(problems) == said
     assert all(problem.startswith("bench?seed=1 did not close in time") for problem in problems)

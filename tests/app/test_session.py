@@ -116,7 +116,7 @@ def test_a_second_window_keeps_a_session_of_its_own(tmp_path):
 def test_an_effect_that_was_tried_stays_marked_until_it_is_taken_out(tmp_path):
     session = Session(tmp_path / "session.json")
     tilt, adhesion = effects_named(("tilt", "adhesion"))
-    effects = session.effects.with_effects("paper", (tilt, adhesion)).trying([adhesion])
+    effects = session.effects.with_effects("paper", (tilt, adhesion)).with_tried([adhesion])
     session.set_effects(effects)
     again = Session.reopen(tmp_path / "session.json")
     assert again.effects.tried == (adhesion,) and again.effects.of("paper") == (tilt, adhesion)
@@ -128,7 +128,7 @@ def test_what_was_not_saved_yet_is_on_disk_before_another_session_takes_its_plac
     session.add(_saved("a", str(tmp_path / "a.csv")))
     session.save_by = lambda save: None  # a disk that is slow
     session.set_note(1, "the last word")
-    session.become(Session(tmp_path / "two.json"))
+    session.switch_to(Session(tmp_path / "two.json"))
     assert [entry.note for entry in Session.reopen(tmp_path / "one.json").entries] == ["the last word"]
     assert session.entries == () and session.path == tmp_path / "two.json"
 
@@ -147,7 +147,7 @@ def test_of_two_shots_of_one_name_the_newest_is_meant(tmp_path):
     shot = with_fit_to_follow(replace(synthetic.shot("a"), fit=None))
     for _ in range(2):
         session.add(shot)
-    assert session.awaiting(synthetic.shot("a")).number == 2
+    assert session.entry_awaiting_fit(synthetic.shot("a")).number == 2
     assert session.set_path("a", str(tmp_path / "a.csv"))
     assert [entry.path for entry in session.entries] == [None, str(tmp_path / "a.csv")]
     assert session.entries[1].shot.path == str(tmp_path / "a.csv")

@@ -25,7 +25,7 @@ from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.shot_work import diagnose_shots
 from app.session.workbench import Workbench
-from app.words.physics_words import verdict_words
+from app.words.model_texts import verdict_words
 from instrument.files.atomic_file import write_json_atomic
 from tests.app import synthetic
 from tests.app.stepped_work import LONGEST_S, SteppedWork
@@ -151,7 +151,7 @@ class Sessions(RuleBasedStateMachine):
 
     def _bench(self) -> Workbench:
         apart: Any = AtOnce(self.diagnosed)
-        return Workbench(Session.reopen(self.path), AnalysisSettings, apart=apart)
+        return Workbench(Session.reopen(self.path), AnalysisSettings, subprocess_worker=apart)
 
     def _write(self, path: Path, document: dict[str, Any], *, sync: bool = False) -> None:
         if self.disk_full:

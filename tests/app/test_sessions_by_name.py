@@ -31,7 +31,7 @@ def test_a_session_goes_on_under_its_new_name_and_comes_back(workbench, tmp_path
     run.parent.mkdir()
     assert workbench.save_session(run) is None and workbench.save_session(run) is None
     workbench.session.set_note(1, "second")
-    assert workbench.usual_session() is None
+    assert workbench.open_unnamed_session() is None
     assert [entry.note for entry in workbench.session.entries] == ["first"]  # as it was when it got its name
     assert workbench.session.undo() is None
     assert workbench.open_session(run) is None

@@ -11,11 +11,11 @@ from PySide6.QtWidgets import QPushButton, QWidget
 from analysis.planning.next_shot import Reach
 from analysis.shot.recording import SETUP_CORRECTED, Air, Setup, corrected
 from analysis.shot.shot import AnalysisSettings
-from app.session import choices
-from app.session.choices import Choices
+from app.session import settings_store
 from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.settings import FIELDS, SITES, Settings, WrongSettings, correction_words
+from app.session.settings_store import SettingsStore
 from app.window.file_dialog import Want
 from app.window.panels import settings_sheet
 from app.window.panels.settings_sheet import SettingsSheet
@@ -27,15 +27,15 @@ from tests.instrument.fake_digitizer import FakeDigitizer
 def test_what_is_saved_comes_back(tmp_path):
     path = tmp_path / "config" / "levimass" / "settings.json"
     chosen = Settings(moving_mass_kg=0.02, temperature_c=21.0, pressure_pa=1e5, humidity_percent=40.0, folder="/x")
-    assert choices.save(path, chosen) is None
-    assert choices.load(path) == (chosen, [])
+    assert settings_store.save(path, chosen) is None
+    assert settings_store.load(path) == (chosen, [])
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a file has no mode there")
 def test_a_private_settings_file_stays_private_as_does_its_last_good_copy_and_has_a_setting_a_line(tmp_path):
     path = tmp_path / "settings.json"
     for mass_kg in (0.01, 0.02, 0.03):
-        assert choices.save(path, Settings(moving_mass_kg=mass_kg)) is None
+        assert settings_store.save(path, Settings(moving_mass_kg=mass_kg)) is None
         if mass_kg == 0.01:
             path.chmod(0o600)
     found = {file.name: (file.stat().st_mode & 0o777, file.read_text().splitlines()) for file in tmp_path.iterdir()}
@@ -68,10 +68,10 @@ def test_a_private_settings_file_stays_private_as_does_its_last_good_copy_and_ha
 )
 def test_a_spoilt_file_gives_the_last_good_copy_and_says_so(tmp_path, text):
     path = tmp_path / "settings.json"
-    choices.save(path, Settings(moving_mass_kg=0.03))
-    choices.save(path, Settings(moving_mass_kg=0.04))
+    settings_store.save(path, Settings(moving_mass_kg=0.03))
+    settings_store.save(path, Settings(moving_mass_kg=0.04))
     path.write_text(text, encoding="latin-1")
-    found, words = choices.load(path)
+    found, words = settings_store.load(path)
     assert found.moving_mass_kg == 0.03
     assert "last good copy" in words[0]
     assert (tmp_path / "settings.json.unreadable").exists()
@@ -80,7 +80,7 @@ def test_a_spoilt_file_gives_the_last_good_copy_and_says_so(tmp_path, text):
 def test_without_any_good_file_the_programs_own_are_used(tmp_path):
     path = tmp_path / "settings.json"
     path.write_text("nonsense")
-    found, words = choices.load(path)
+    found, words = settings_store.load(path)
     assert found == Settings()
     assert len(words) == 1
 
@@ -88,7 +88,7 @@ def test_without_any_good_file_the_programs_own_are_used(tmp_path):
 def test_a_newer_programs_extra_setting_is_left_out_and_said(tmp_path):
     path = tmp_path / "settings.json"
     path.write_text(json.dumps({"levimass_settings": 1, "moving_mass_kg": 0.02, "flux": 3}))
-    found, words = choices.load(path)
+    found, words = settings_store.load(path)
     assert found.moving_mass_kg == 0.02
     assert "flux" in words[0]
 
@@ -137,19 +137,17 @@ def test_a_building_is_offered_with_the_velocity_of_its_criterion():
 
 
 def test_what_is_put_right_afterwards_reaches_a_shot_taken_before(tmp_path):
-    choices = Choices(tmp_path / "settings.json")
-    assert choices.analysis_again() == choices.analysis()  # nobody changed a thing: a recording keeps its own rig
-    assert choices.change({"moving_mass_kg": 0.018, "bandwidth_hz": 5e3}) is None
-    again = choices.analysis_again()
+    store = SettingsStore(tmp_path / "settings.json")
+    assert store.analysis_again() == store.analysis()  # nobody changed a thing: a recording keeps its own rig
+    assert store.change({"moving_mass_kg": 0.018, "bandwidth_hz": 5e3}) is None
+    again = store.analysis_again()
     assert again.corrections == (("moving_mass_kg", 0.018), ("moving_mass_u_kg", 1e-6)) and again.bandwidth_hz == 5e3
-    assert choices.analysis().corrections == ()
+    assert store.analysis().corrections == ()
     assert correction_words(again.corrections) == ["moving mass 18 g"]
 
     air = {"temperature_c": 21.0, "pressure_pa": 1e5, "humidity_percent": 40.0}
-    assert choices.change(air) is None
-    rig = corrected(
-        Setup(0.02, wavelength_air_m=632.8e-9, digitizer_bits=8), dict(choices.analysis_again().corrections)
-    )
+    assert store.change(air) is None
+    rig = corrected(Setup(0.02, wavelength_air_m=632.8e-9, digitizer_bits=8), dict(store.analysis_again().corrections))
     assert (rig.moving_mass_kg, rig.wavelength_air_m, rig.digitizer_bits) == (0.018, None, 8)
     assert rig.wavelength_vacuum_m == 632.991354e-9 and rig.air == Air(21.0, 1e5, 40.0)
     with pytest.raises(KeyError):

@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
-from app.session.choices import Choices
+from app.session.settings_store import SettingsStore
 from app.window.main_window import MainWindow, open_window
 from app.window.panels.rig import Banner
 from app.window.panels.setup_sheet import SetupSheet
@@ -114,7 +114,7 @@ def test_an_oscilloscope_in_the_network_is_typed_used_and_remembered(
         assert not use_buttons(sheet)[1].isEnabled()
         rig.open("bench")
         qtbot.waitUntil(lambda: rig.opened == "bench" or rig.latest().state == "fault", timeout=WAIT_MS)
-    assert Choices(tmp_path / "settings.json").settings.network_sources == (source,)
+    assert SettingsStore(tmp_path / "settings.json").settings.network_sources == (source,)
 
 
 def test_the_tour_is_shown_once_and_leaves_the_keys_alone(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:

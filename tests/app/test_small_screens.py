@@ -41,7 +41,7 @@ from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone
 from app.words.flags import FLAG_WORDS, flags_in_short
-from app.words.physics_words import verdict_words
+from app.words.model_texts import verdict_words
 from tests.app import synthetic
 from tests.app.on_screen import caption_words, notes_drawn
 

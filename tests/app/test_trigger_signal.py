@@ -26,7 +26,7 @@ def test_each_shot_is_signalled_once(looks, times):
     flashed = []
     rig = SimpleNamespace(
         _before=looks[0],
-        _choices=SimpleNamespace(settings=SimpleNamespace(sound=False, flash=True)),
+        _store=SimpleNamespace(settings=SimpleNamespace(sound=False, flash=True)),
         _panels=SimpleNamespace(banner=SimpleNamespace(flash=lambda: flashed.append(1))),
     )
     for state, shots in looks[1:]:

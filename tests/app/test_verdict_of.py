@@ -10,8 +10,8 @@ from analysis.collision.effects import effects_named, named
 from analysis.diagnosis.result import Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.report.diagnosis_section import diagnosis_section
-from app.session.choices import Choices
 from app.session.session import Session
+from app.session.settings_store import SettingsStore
 from app.session.verdict_basis import Diagnosed, Diagnoses, VerdictBasis, verdict_of
 from app.session.workbench import Workbench
 from app.window.layout import Layout
@@ -21,7 +21,7 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.state_words import verdict_line
 from app.window.theme import Theme, Tone
-from app.words.physics_words import VERDICTS, verdict_words
+from app.words.model_texts import VERDICTS, verdict_words
 from tests.app import synthetic
 from tests.app.stepped_work import SteppedWork
 
@@ -44,7 +44,7 @@ def _found(effects=()):
     ],
 )
 def test_it_holds_for_its_model_and_its_shots(before, now, there, holds):
-    assert verdict_of(_found(before), (1, 2)).holds(effects_named(now), there) is holds
+    assert verdict_of(_found(before), (1, 2)).is_valid(effects_named(now), there) is holds
 
 
 def test_it_is_kept_with_the_session_and_an_older_file_has_none(tmp_path):
@@ -57,7 +57,7 @@ def test_it_is_kept_with_the_session_and_an_older_file_has_none(tmp_path):
     del kept["shots"][0]["verdict_of"]
     (tmp_path / "session.json").write_text(json.dumps(kept))
     again = Session.reopen(tmp_path / "session.json")
-    assert again.problem is None and again.verdict_holds(again.entries[0])
+    assert again.problem is None and again.verdict_is_valid(again.entries[0])
 
 
 def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_after_a_restart(qtbot, tmp_path):
@@ -65,9 +65,9 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
     panels = Layout(Theme("light"))
     qtbot.addWidget(panels)
     path = tmp_path / "session.json"
-    bench = Workbench(Session(path), AnalysisSettings, apart=SteppedWork())  # type: ignore[arg-type]
+    bench = Workbench(Session(path), AnalysisSettings, subprocess_worker=SteppedWork())  # type: ignore[arg-type]
     selection = SelectionPresenter(bench, panels, panels)
-    session = SessionPresenter(bench, Choices(tmp_path / "settings.json"), panels, selection, panels)
+    session = SessionPresenter(bench, SettingsStore(tmp_path / "settings.json"), panels, selection, panels)
     page = DiagnosisPresenter(bench, panels, panels)
     try:
         shot = synthetic.shot()
@@ -91,19 +91,19 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
         struck, beside, heading = looks()
         assert struck and "run Diagnose again" in beside and "<s>ADEQUATE</s>" in heading
         again = Session.reopen(path)
-        assert not again.verdict_holds(again.entries[0])
+        assert not again.verdict_is_valid(again.entries[0])
         bench.undo()
         struck, beside, heading = looks()
         assert not struck and beside.endswith("adequate") and "<s>" not in heading
     finally:
-        bench._work._apart.close()
+        bench._work._subprocess_worker.close()
         bench.close()
 
 
 def test_forces_modelled_for_an_older_diagnosis_are_not_shown_beside_a_newer(qtbot, tmp_path, monkeypatch):
     panels = Layout(Theme("light"))
     qtbot.addWidget(panels)
-    bench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings, apart=SteppedWork())  # type: ignore[arg-type]
+    bench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings, subprocess_worker=SteppedWork())  # type: ignore[arg-type]
     page, shown = DiagnosisPresenter(bench, panels, panels), []
     monkeypatch.setattr(panels.diagnosis.residuals, "show_forces", lambda *given: shown.append(given))
     try:
@@ -124,7 +124,7 @@ def test_forces_modelled_for_an_older_diagnosis_are_not_shown_beside_a_newer(qtb
         come(newer)
         assert shown == [(bench.session.entries[0].shot, "before", "after")]
     finally:
-        bench._work._apart.close()
+        bench._work._subprocess_worker.close()
         bench.close()
 
 

@@ -253,7 +253,7 @@ def test_the_trigger_is_heard_and_seen_only_if_asked_for(opened, qtbot, monkeypa
     flash = window.panels.banner.flash
     monkeypatch.setattr(window.panels.banner, "flash", lambda: (flashed.append(1), flash()))
     for chosen in (False, True):
-        window.rig_presenter._choices.change({"sound": chosen, "flash": chosen})
+        window.rig_presenter._store.change({"sound": chosen, "flash": chosen})
         _ready(qtbot, window)
         count = len(read_entries(window.workbench.session))
         qtbot.keyClick(window, Qt.Key.Key_Space)

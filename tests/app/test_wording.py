@@ -10,7 +10,7 @@ from analysis.diagnosis import words
 from analysis.diagnosis.result import Remainder, Verdict
 from analysis.shot.quantity import NotSeen, Quantity
 from app.session.verdict_basis import verdict_of
-from app.words import physics_words, wording
+from app.words import model_texts, wording
 from app.words.flags import FLAG_WORDS
 from app.words.wording import number, parameter_words
 from tests.app import synthetic
@@ -181,8 +181,8 @@ def test_a_learned_law_is_named_in_the_list_and_its_numbers_have_units():
     sizes = {name: q for name, (q, _) in law.parameters.items()}
     learned = replace(synthetic.diagnosis(shot), verdict=Verdict.LAW_LEARNED, effects=(), laws=(law,))
     found = verdict_of(learned, (1,)).found
-    assert physics_words.verdict_words(learned.verdict, found) == "a force as a function of place, exponential"
-    assert physics_words.verdict_words(learned.verdict, ()) == "law learned"
+    assert model_texts.verdict_words(learned.verdict, found) == "a force as a function of place, exponential"
+    assert model_texts.verdict_words(learned.verdict, ()) == "law learned"
     both = map(wording.unbroken, ("a (-4.0000 ± 0.0010)e-3 N", "b (5.0000 ± 0.0010)e-4 m"))
     assert wording.effect_numbers(law.effect, sizes) == ", ".join(both)
 

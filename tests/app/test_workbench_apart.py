@@ -45,7 +45,10 @@ def until(workbench: Workbench, true: Callable[[Event], bool]) -> Event:
 
 
 def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench, tmp_path, warm_kernels):
-    here, there = Workbench(Session(), AnalysisSettings), Workbench(Session(), AnalysisSettings, apart=child)
+    here, there = (
+        Workbench(Session(), AnalysisSettings),
+        Workbench(Session(), AnalysisSettings, subprocess_worker=child),
+    )
     try:
         for workbench in (here, there):
             assert workbench.open_paths(recordings_of_bench) == 1
@@ -80,7 +83,7 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
 
 
 def test_a_diagnosis_there_tells_how_far_it_is_and_is_cancelled(child, recordings_of_bench, warm_kernels):
-    workbench = Workbench(Session(), AnalysisSettings, apart=child)
+    workbench = Workbench(Session(), AnalysisSettings, subprocess_worker=child)
     try:
         workbench.open_paths(recordings_of_bench)
         until(workbench, lambda h: h.kind is EventKind.SHOT)

@@ -9,10 +9,10 @@ from typing import Any
 
 from analysis.shot.shot import AnalysisSettings
 from app.command_line.cli import main
-from app.session.choices import load, save
 from app.session.model_in_use import load_model
 from app.session.session import SCHEMA, Session
 from app.session.settings import Settings
+from app.session.settings_store import load, save
 from instrument.files.foreign_file import read_mapping
 from instrument.files.motion_file import read_motion
 from instrument.files.recording_error import RecordingError

@@ -136,8 +136,8 @@ class _Application:
         from PySide6.QtCore import Qt, QTimer
         from PySide6.QtWidgets import QApplication
 
-        from app.session.choices import save
         from app.session.settings import Settings
+        from app.session.settings_store import save
         from app.window.main_window import open_window
 
         self.application = QApplication.instance() or QApplication(["levimass"])

@@ -6,8 +6,8 @@ from collections import Counter
 from pathlib import Path
 
 from analysis.shot.recording import Recording
-from app.session.choices import load, save
 from app.session.settings import Settings
+from app.session.settings_store import load, save
 from instrument.files.motion_file import read_motion
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import data_hash, read_recording

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO
 
-from app.session.choices import load
 from app.session.settings import Settings
+from app.session.settings_store import load
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import data_hash, read_recording
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from app.session.choices import save
 from app.session.settings import Settings
+from app.session.settings_store import save
 from instrument.files import atomic_file
 from instrument.files.atomic_file import (
     check_writable,

@@ -5,8 +5,8 @@ import sys
 import time
 from pathlib import Path
 
-from app.session.choices import save
 from app.session.settings import Settings
+from app.session.settings_store import save
 from instrument.capture.capture import Capture
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings

@@ -7,7 +7,7 @@ from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWidget
 
 from analysis.shot import Role, Setup
-from app.session import ChannelKind, ChannelLook, proposed
+from app.session import ChannelKind, ChannelSummary, proposed_roles
 from app.window.theme import Tone
 from app.window.widgets import Sheet, combo_box, line_edit, push_button, show_toned, text_label
 from app.words import Markup, joined, lines, local, number, tag, typed_number
@@ -59,7 +59,7 @@ class Answer:
     for_folder: bool
 
 
-def _look_words(look: ChannelLook) -> Markup:
+def _look_words(look: ChannelSummary) -> Markup:
     """Return a line on one channel: kind of signal, beat frequency, amplitude."""
     parts = [str(look.kind), f"amplitude {number(look.amplitude, 3)}"]
     if look.low is not None and look.high is not None and look.in_hz:
@@ -131,7 +131,7 @@ class MappingSheet(Sheet):
         self.unit.setCurrentIndex(max(0, self.unit.findData(unit)) if unit is not None else 0)
 
     def ask(
-        self, contents: ForeignContents, mass_kg: float, rest_hz: float | None, looks: Sequence[ChannelLook] = ()
+        self, contents: ForeignContents, mass_kg: float, rest_hz: float | None, looks: Sequence[ChannelSummary] = ()
     ) -> None:
         """Show the form for a file, with the assignment proposed from its channels' ``looks``."""
         self._contents = contents
@@ -140,7 +140,7 @@ class MappingSheet(Sheet):
         self._file.setText(joined(tag("b", contents.path.name), said))
         self._looks.setText(lines(map(_look_words, looks)))
         self._looks.setVisible(bool(looks))
-        proposal = proposed(looks)
+        proposal = proposed_roles(looks)
         for place, (role, box) in enumerate(self.boxes.items()):
             box.clear()
             if role is not Role.MEASUREMENT:

@@ -213,7 +213,7 @@ class SessionTable(QFrame):
         return sorted(entry.number for entry in found if entry is not None)
 
     def show_session(self, session: Session) -> None:
-        struck = {entry.number for entry in session.entries if not session.verdict_holds(entry)}
+        struck = {entry.number for entry in session.entries if not session.verdict_is_valid(entry)}
         self._keeping_selection(lambda: self.model.show_entries(session.entries, struck))
         self._numbers = self._selected_numbers()
         self._can_undo = session.can_undo

@@ -72,7 +72,7 @@ class DiagnosisPresenter(QObject):
         drive = next((e for e in entries if e is not None and e.shot is not None and e.shot.motion is not None), None)
         if drive is not None and is_drive(found.diagnosis.fit_after.model):
             self._forces.forget()
-            self._forces.ask(drive, partial(_forces_of, drive, found.diagnosis))
+            self._forces.start(drive, partial(_forces_of, drive, found.diagnosis))
 
     def _show_forces(self, found: Diagnosed | None) -> None:
         """Show a drive's residual forces once they are computed, if they belong to the diagnosis shown."""
@@ -83,7 +83,7 @@ class DiagnosisPresenter(QObject):
 
     def _explain(self, found: Diagnosed | None) -> None:
         """Fit the candidates of the diagnosis while no other job waits, and show their residuals."""
-        why = self._workbench.why
+        why = self._workbench.candidate_residuals
         why.show(found.diagnosis if found is not None else None, self._shots_of(found))
         if why.refresh():
             self._panels.diagnosis.why.show_found(why.found)
@@ -93,7 +93,7 @@ class DiagnosisPresenter(QObject):
 
     def _holds(self, found: Diagnosed, effects: tuple[Effect, ...]) -> bool:
         there = {entry.number for entry in self._workbench.session.entries}
-        return verdict_of(found.diagnosis, found.numbers).holds(effects, there)
+        return verdict_of(found.diagnosis, found.numbers).is_valid(effects, there)
 
     @Slot()
     def diagnose(self) -> None:
@@ -114,11 +114,11 @@ class DiagnosisPresenter(QObject):
 
     @Slot(object)
     def _try(self, effect: Effect) -> None:
-        self._workbench.model.try_out(self._base(), effect)
+        self._workbench.model.add_tried(self._base(), effect)
 
     @Slot(object)
     def _pointed(self, effect: Effect) -> None:
-        self._workbench.why.first(effect)
+        self._workbench.candidate_residuals.first(effect)
 
     @Slot(object)
     def _remove(self, effect: Effect) -> None:
@@ -189,7 +189,7 @@ class NextShotPresenter(QObject):
         card = panels.diagnosis.next_shot
         card.plan.clicked.connect(self.plan)
         card.take.clicked.connect(self.take)
-        card.give_up.clicked.connect(plans.give_up)
+        card.give_up.clicked.connect(plans.cancel_planned)
 
     def refresh(self) -> None:
         """Show the plan for the diagnosis shown; select a set once the planned shot added to it is diagnosed."""
@@ -200,7 +200,7 @@ class NextShotPresenter(QObject):
         card, found = self._panels.diagnosis.next_shot, self._found()
         job = self._workbench.jobs.current
         card.plan.setEnabled(job is None or job.kind not in (PLAN, "diagnosis"))
-        now = (found, self._plans.standing(found), self._plans.taking, self._plans.sets_itself)
+        now = (found, self._plans.plan_for(found), self._plans.taking, self._plans.sets_rig)
         # compared by identity: == on repeated diagnoses would compare the arrays of their fits
         if self._shown is None or any(a is not b for a, b in zip(now, self._shown, strict=True)):
             self._shown = now

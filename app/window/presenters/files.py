@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QMenu
 
 from analysis.diagnosis import SavedModel
 from analysis.shot import Fit
-from app.session import Choices, Entry, Workbench, drift_words, is_session
+from app.session import Entry, SettingsStore, Workbench, drift_words, is_session
 from app.window.file_dialog import FileDialogs, Want, ask_for_one
 from app.window.layout import Layout
 from app.window.theme import Tone
@@ -25,9 +25,11 @@ class FilesPresenter(QObject):
     said = Signal(str, Tone)
     recordings_wanted = Signal(list)  # paths
 
-    def __init__(self, workbench: Workbench, choices: Choices, panels: Layout, parent: QObject | None = None) -> None:
+    def __init__(
+        self, workbench: Workbench, store: SettingsStore, panels: Layout, parent: QObject | None = None
+    ) -> None:
         super().__init__(parent)
-        self._workbench, self._choices, self._panels = workbench, choices, panels
+        self._workbench, self._store, self._panels = workbench, store, panels
         self.recent = QMenu("Open recent")
         self.recent.setToolTipsVisible(True)
         self.recent.aboutToShow.connect(self._fill)
@@ -47,12 +49,12 @@ class FilesPresenter(QObject):
     @Slot()
     def usual_session(self) -> None:
         """Open the unnamed session."""
-        self._opened(self._workbench.usual_session(), "")
+        self._opened(self._workbench.open_unnamed_session(), "")
 
     def _folder(self) -> Path:
         path = self._workbench.session.path
-        named = path is not None and self._choices.settings.session == str(path)
-        return path.parent if named and path is not None else self._choices.start_folder
+        named = path is not None and self._store.settings.session == str(path)
+        return path.parent if named and path is not None else self._store.start_folder
 
     def open_named(self, path: Path) -> None:
         problem = self._workbench.open_session(path)
@@ -67,9 +69,9 @@ class FilesPresenter(QObject):
         if problem:
             self.said.emit(problem, Tone.BAD)
             return
-        self._choices.change({"session": name})
+        self._store.change({"session": name})
         if name:
-            self._choices.remember_recent([Path(name)])
+            self._store.remember_recent([Path(name)])
         self._name_window()
         entries = self._workbench.session.entries
         self._panels.table.show_session(self._workbench.session)
@@ -77,17 +79,17 @@ class FilesPresenter(QObject):
         self.said.emit(f"Session {name or 'without a name'}: {counted(len(entries), 'shot')}", Tone.GOOD)
 
     def _name_window(self) -> None:
-        name = self._choices.settings.session
+        name = self._store.settings.session
         self._panels.window().setWindowTitle(f"{Path(name).stem} – Levimass" if name else "Levimass")
 
     @Slot()
     def _fill(self) -> None:
         self.recent.clear()
-        for path in self._choices.recent:
+        for path in self._store.recent:
             action = self.recent.addAction(path.name)
             action.setToolTip(hover_text(str(path)))
             action.triggered.connect(partial(self._open_again, path))
-        self.recent.setEnabled(bool(self._choices.recent))
+        self.recent.setEnabled(bool(self._store.recent))
 
     def _open_again(self, path: Path, _: bool = False) -> None:
         if not path.exists():
@@ -109,36 +111,36 @@ class ModelPresenter(QObject):
     def __init__(
         self,
         workbench: Workbench,
-        choices: Choices,
+        store: SettingsStore,
         panels: Layout,
         front: Callable[[], Entry | None],
         parent: QObject | None = None,
     ) -> None:
         super().__init__(parent)
-        self._workbench, self._choices, self._panels, self._front = workbench, choices, panels, front
+        self._workbench, self._store, self._panels, self._front = workbench, store, panels, front
         self._shown: tuple[SavedModel | None, Fit | None, bool] = (None, None, False)
         self._known: SavedModel | None = None
-        self._dialogs = FileDialogs(panels, lambda: choices.start_folder)
+        self._dialogs = FileDialogs(panels, lambda: store.start_folder)
 
     def refresh(self) -> None:
         """Show how well the selected shot agrees with the model file in use."""
-        known = self._workbench.model.known
+        known = self._workbench.model.loaded_model
         if known is not self._known:
             self._known = known
             self._take_base()
         entry = self._front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
-        behind = entry is not None and self._workbench.model.is_behind(entry)
+        behind = entry is not None and self._workbench.model.needs_refit(entry)
         if known is self._shown[0] and fit is self._shown[1] and behind == self._shown[2]:
             return
         self._shown = (known, fit, behind)
         self._panels.model.show_known(*_agreement(known, fit, behind))
 
     def _take_base(self) -> None:
-        known = self._workbench.model.known
-        if known is None or known.base == self._choices.settings.model:
+        known = self._workbench.model.loaded_model
+        if known is None or known.base == self._store.settings.model:
             return
-        problem = self._choices.change({"model": known.base})
+        problem = self._store.change({"model": known.base})
         words = (
             f"The base model of the next shots is now {known.base}; listed shots keep theirs (Ctrl+R analyses copies)"
         )

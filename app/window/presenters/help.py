@@ -6,7 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, QUrl, Signal, Slot
 from PySide6.QtGui import QDesktopServices
 
-from app.session import Choices
+from app.session import SettingsStore
 from app.window.layout import Layout
 from app.window.panels.help import Step
 from app.window.theme import Tone
@@ -17,15 +17,15 @@ DOCS = Path(__file__).resolve().parents[3] / "docs"
 class TourPresenter(QObject):
     """Starts the tour and stores that it was seen."""
 
-    def __init__(self, choices: Choices, panels: Layout, parent: QObject | None = None) -> None:
+    def __init__(self, store: SettingsStore, panels: Layout, parent: QObject | None = None) -> None:
         super().__init__(parent)
-        self._choices, self._panels = choices, panels
+        self._store, self._panels = store, panels
         self.tour = panels.tour
         self.tour.ended.connect(self._ended)
 
     def start_once(self) -> None:
         """Start the tour unless it was seen before."""
-        if not self._choices.settings.tour_done:
+        if not self._store.settings.tour_done:
             self.start()
 
     @Slot()
@@ -74,8 +74,8 @@ class TourPresenter(QObject):
 
     @Slot()
     def _ended(self) -> None:
-        if not self._choices.settings.tour_done:
-            self._choices.change({"tour_done": True})
+        if not self._store.settings.tour_done:
+            self._store.change({"tour_done": True})
         self._panels.controls.arm.setFocus()
 
 

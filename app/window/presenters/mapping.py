@@ -7,7 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Slot
 
 from analysis.shot import Progress, Role, Stop
-from app.session import ChannelLook, Choices, Job, Workbench, looks_of
+from app.session import ChannelSummary, Job, SettingsStore, Workbench, summarise_channels
 from app.window.layout import Layout
 from app.window.panels.mapping_sheet import Answer
 from instrument.files import (
@@ -28,9 +28,11 @@ from instrument.files import (
 class MappingPresenter(QObject):
     """Shows the assignment sheet for one file after another; short jobs read the files."""
 
-    def __init__(self, workbench: Workbench, choices: Choices, panels: Layout, parent: QObject | None = None) -> None:
+    def __init__(
+        self, workbench: Workbench, store: SettingsStore, panels: Layout, parent: QObject | None = None
+    ) -> None:
         super().__init__(parent)
-        self._workbench, self._choices, self._sheet = workbench, choices, panels.mapping
+        self._workbench, self._store, self._sheet = workbench, store, panels.mapping
         self._waiting: list[Path] = []
         self._path: Path | None = None
         self._job: Job | None = None
@@ -46,7 +48,7 @@ class MappingPresenter(QObject):
         job = self._job
         if job is not None and job.done.is_set():
             self._job = None
-            settings = self._choices.settings
+            settings = self._store.settings
             if isinstance(job.result, tuple):
                 contents, looks = job.result
                 self._sheet.ask(contents, settings.moving_mass_kg, settings.rest_frequency_hz, looks)
@@ -61,12 +63,12 @@ class MappingPresenter(QObject):
     def _read(self, path: Path) -> None:
         self._path = path
 
-        def work(_: Progress, __: Stop) -> tuple[ForeignContents, Sequence[ChannelLook]] | Path:
+        def work(_: Progress, __: Stop) -> tuple[ForeignContents, Sequence[ChannelSummary]] | Path:
             if is_foreign(path):  # a mapping for the folder may have been saved since
                 return path
             contents = foreign_channels(path)
             try:
-                return contents, looks_of(contents)
+                return contents, summarise_channels(contents)
             except Exception:  # a library may raise anything; channels can be assigned without a proposal
                 return contents, ()
 

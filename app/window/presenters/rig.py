@@ -6,7 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QApplication
 
-from app.session import FIELDS, Choices, Entry, Rig
+from app.session import FIELDS, Entry, Rig, SettingsStore
 from app.window import state_words
 from app.window.file_dialog import Want, ask_for_one
 from app.window.layout import Layout
@@ -30,9 +30,9 @@ class RigPresenter(QObject):
     appearance_chosen = Signal(str)
     save_elsewhere_wanted = Signal(object)  # the folder, as a Path
 
-    def __init__(self, rig: Rig, choices: Choices, panels: Layout, parent: QObject) -> None:
+    def __init__(self, rig: Rig, store: SettingsStore, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
-        self._rig, self._choices, self._panels = rig, choices, panels
+        self._rig, self._store, self._panels = rig, store, panels
         self._last_shot: state_words.LastShot | None = None
         self._before = (State.IDLE, 0)  # state and number of shots at the previous refresh
         self._live_shown: LiveView | None = None
@@ -59,7 +59,7 @@ class RigPresenter(QObject):
             self._offer_sources()
         p.controls.show_state(self._rig.can_arm(snapshot), self._rig.can_abort(snapshot))
         for name, sign in state_words.signs(
-            snapshot.signal, self._rig.rate_hz, self._choices.settings.bandwidth_hz
+            snapshot.signal, self._rig.rate_hz, self._store.settings.bandwidth_hz
         ).items():
             p.signals.show_sign(name, sign)
         p.signals.show_folder(str(snapshot.signal.folder or ""))
@@ -75,13 +75,13 @@ class RigPresenter(QObject):
 
     def _thresholds_v(self, snapshot: Snapshot) -> tuple[float | None, float | None]:
         """Return the trigger's thresholds; set ones are shown at once, although they apply from the next arming on."""
-        settings = self._choices.settings
+        settings = self._store.settings
         set_v = settings.switch_low_v, settings.switch_high_v
         return snapshot.signal.switch_thresholds_v if self._learned() else set_v
 
     def _learned(self) -> bool:
         """Return whether the signal determines the thresholds."""
-        settings = self._choices.settings
+        settings = self._store.settings
         return settings.switch_low_v is None or settings.switch_high_v is None
 
     def _signal_trigger(self, snapshot: Snapshot) -> None:
@@ -91,9 +91,9 @@ class RigPresenter(QObject):
         taking = (State.TRIGGERED, State.TRANSFERRING)
         # the trigger states may begin and end between two refreshes
         if before[0] not in taking and (now[0] in taking or now[1] > before[1]):
-            if self._choices.settings.sound:
+            if self._store.settings.sound:
                 QApplication.beep()
-            if self._choices.settings.flash:
+            if self._store.settings.flash:
                 self._panels.banner.flash()
 
     def _take_finished(self, snapshot: Snapshot) -> None:
@@ -158,12 +158,12 @@ class RigPresenter(QObject):
         """Open another source; ask for the recording if it is a replay."""
         if name == "replay:":
             self._offer_sources()
-            start = self._choices.start_folder
+            start = self._store.start_folder
             ask_for_one(self._panels, "Recording to play back", Want.FILE, self._replay_asked, start, RECORDINGS)
             return
         if name != self._rig.source:
             self._rig.open(name)
-            self._choices.remember_source(name)
+            self._store.remember_source(name)
         self._offer_sources()
 
     def _replay_asked(self, path: Path) -> None:
@@ -180,17 +180,17 @@ class RigPresenter(QObject):
             sheet.hide()
         else:
             self._panels.setup.hide()
-            sheet.show_values(self._choices.settings.values())
+            sheet.show_values(self._store.settings.values())
             sheet.open()
 
     @Slot(dict)
     def _settings_applied(self, values: dict[str, Value]) -> None:
-        site = self._choices.settings.site
-        problem = self._choices.change(values)
+        site = self._store.settings.site
+        problem = self._store.change(values)
         if problem:
             self._panels.settings.refuse(problem)
             return
-        if self._choices.settings.site != site and is_bench(self._rig.source):
+        if self._store.settings.site != site and is_bench(self._rig.source):
             self._rig.open(self._rig.source)
         self._rig.options_changed()
-        self.appearance_chosen.emit(self._choices.settings.appearance)
+        self.appearance_chosen.emit(self._store.settings.appearance)

@@ -76,7 +76,7 @@ class SelectionPresenter(QObject):
 
     def _judged_by(self, entry: Entry | None) -> Diagnosis | None:
         """Return the diagnosis behind an entry's verdict if the verdict is valid, else None."""
-        if entry is None or not entry.verdict or not self._workbench.session.verdict_holds(entry):
+        if entry is None or not entry.verdict or not self._workbench.session.verdict_is_valid(entry):
             return None
         found = self._workbench.diagnoses.of([entry.number])
         return found.diagnosis if found is not None and entry.number in found.numbers else None
@@ -85,7 +85,7 @@ class SelectionPresenter(QObject):
         """Show the verdict on the last selected shot, struck through if it is outdated."""
         entry = self.front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
-        holds = entry is None or self._workbench.session.verdict_holds(entry)
+        holds = entry is None or self._workbench.session.verdict_is_valid(entry)
         self._panels.model.show_verdict(*verdict_line(entry, fit.effects if fit is not None else (), holds))
 
     def _recording(self, entry: Entry) -> Recording | None:
@@ -129,7 +129,7 @@ class SelectionPresenter(QObject):
                         entry.shot, self._recording(entry), _title(entry), self._judged_by(entry)
                     )
             else:
-                self._panels.compare.show_entries(self._workbench.session.among(self._panels.table.numbers))
+                self._panels.compare.show_entries(self._workbench.session.entries_with(self._panels.table.numbers))
         if page != Layout.SPECTRUM:
             return
         entry = self.front()
@@ -139,20 +139,20 @@ class SelectionPresenter(QObject):
             self._panels.spectrum.show_spectra(None)
             return
         zero = time_zero(entry.shot)[0] if entry.shot is not None else 0.0
-        if self._spectra.ask(entry, partial(spectra_of, recording, zero)):
+        if self._spectra.start(entry, partial(spectra_of, recording, zero)):
             self._panels.spectrum.show_spectra(None)  # remove the previous shot's spectra
 
     @Slot(object)
     def _drive_wanted(self, shot: Shot) -> None:
         entry, motion, fit = self.front(), shot.motion, shot.fit
         if entry is not None and motion is not None and fit is not None:
-            self._drive.ask(entry, lambda _, __: (shot, drive_curves(motion, fit)))
+            self._drive.start(entry, lambda _, __: (shot, drive_curves(motion, fit)))
 
     @Slot(object)
     def _raw_wanted(self, recording: Recording) -> None:
         entry = self.front()
         if entry is not None:
-            self._raw_view.ask(entry, lambda _, __: curves_of(recording))
+            self._raw_view.start(entry, lambda _, __: curves_of(recording))
 
 
 class TablesPresenter(QObject):
@@ -181,7 +181,7 @@ class TablesPresenter(QObject):
         return entry.shot if entry is not None else None
 
     def _show_budget(self) -> None:
-        shot, entries = self._front_shot(), self._workbench.session.among(self._panels.table.numbers)
+        shot, entries = self._front_shot(), self._workbench.session.entries_with(self._panels.table.numbers)
         others = [e.shot for e in entries if e.shot is not None and e.shot is not shot]
         now = others if shot is None else [shot, *others]
         before = self._budget_of

@@ -8,7 +8,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
 from app.report import document_of
-from app.session import NOT_SAVED, Choices, Event, EventKind, Workbench, is_swapped
+from app.session import NOT_SAVED, Event, EventKind, SettingsStore, Workbench, is_swapped
 from app.window.file_dialog import FileDialogs, Want, ask
 from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
@@ -39,7 +39,7 @@ class SessionPresenter(QObject):
     def __init__(
         self,
         workbench: Workbench,
-        choices: Choices,
+        store: SettingsStore,
         panels: Layout,
         selection: SelectionPresenter,
         parent: QObject,
@@ -49,8 +49,8 @@ class SessionPresenter(QObject):
         self._seen = -1
         self._not_saved = False  # whether the session was unsaved at the last refresh
         self._choose_next = False  # whether to select the next opened shot
-        self._choices = choices
-        self._dialogs = FileDialogs(panels, lambda: choices.start_folder)
+        self._store = store
+        self._dialogs = FileDialogs(panels, lambda: store.start_folder)
         for name, slot in (
             ("open", self.open_recordings),
             ("export", self.export_selected),
@@ -102,7 +102,7 @@ class SessionPresenter(QObject):
             self._print(event.words)
         elif event.kind is EventKind.UNLISTED:
             paths = list(event.paths)
-            declined = partial(self._workbench.session.leave_out, [str(path) for path in paths])
+            declined = partial(self._workbench.session.dismiss, [str(path) for path in paths])
             self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, paths), declined)
         else:
             self.said.emit(event.words, Tone.BAD if event.kind is EventKind.PROBLEM else Tone.GOOD)
@@ -158,7 +158,7 @@ class SessionPresenter(QObject):
         """Open recordings and folders of recordings."""
         if paths:
             self._dialogs.chosen = paths[0].parent
-            self._choices.remember_recent(paths)
+            self._store.remember_recent(paths)
             for path in [path for path in paths if path.is_file() and not path.name.lower().endswith(ENDINGS)]:
                 self.said.emit(f"{path.name} is not a recording (they end in {', '.join(ENDINGS)})", Tone.BAD)
                 paths = [other for other in paths if other != path]
@@ -275,5 +275,5 @@ class SessionPresenter(QObject):
 
     @Slot()
     def _cancel_work(self) -> None:
-        self._workbench.why.stop()
+        self._workbench.candidate_residuals.stop()
         self._workbench.jobs.cancel()

@@ -6,7 +6,7 @@ import time
 from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.shot import Progress, Role, Stop
-from app.session import Choices, Job, Jobs, Rig
+from app.session import Job, Jobs, Rig, SettingsStore
 from app.window.layout import Layout
 from instrument.capture import Snapshot
 from instrument.devices import (
@@ -29,9 +29,9 @@ class SetupPresenter(QObject):
     source_wanted = Signal(str)
     arm_wanted = Signal()
 
-    def __init__(self, rig: Rig, choices: Choices, short_jobs: Jobs, panels: Layout, parent: QObject) -> None:
+    def __init__(self, rig: Rig, store: SettingsStore, short_jobs: Jobs, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
-        self._rig, self._choices, self._short_jobs, self._sheet = rig, choices, short_jobs, panels.setup
+        self._rig, self._store, self._short_jobs, self._sheet = rig, store, short_jobs, panels.setup
         self._find = found_devices
         self._job: Job | None = None
         self._found: tuple[FoundDevice, ...] = ()
@@ -43,7 +43,7 @@ class SetupPresenter(QObject):
         self._sheet.source_wanted.connect(self.source_wanted)
         self._sheet.address_wanted.connect(self._use_address)
         self._sheet.arm.clicked.connect(self._arm)
-        rig.remember_network(choices.settings.network_sources)
+        rig.remember_network(store.settings.network_sources)
         panels.work.setup.clicked.connect(self.toggle_setup)
 
     @Slot()
@@ -98,7 +98,7 @@ class SetupPresenter(QObject):
 
     def _show_devices(self) -> None:
         self._present = self._rig.source
-        network = [FoundDevice(s, network_name(s), "in the network") for s in self._choices.settings.network_sources]
+        network = [FoundDevice(s, network_name(s), "in the network") for s in self._store.settings.network_sources]
         self._sheet.show_devices(self._found, network, self._present, self._problem)
         barred = any("permission" in device.problem for device in self._found)
         self._sheet.show_remedy(udev_instructions() if barred and sys.platform.startswith("linux") else "")
@@ -112,7 +112,7 @@ class SetupPresenter(QObject):
         if not seen:
             return (), "No samples yet. A source that sends samples only when armed shows its signals after ARM."
         found, channels_seen = zip(*seen, strict=True)
-        rest_hz = self._choices.settings.rest_frequency_hz if Role.REFERENCE not in signals else None
+        rest_hz = self._store.settings.rest_frequency_hz if Role.REFERENCE not in signals else None
         checks = judge(found, channels_seen, bits, rate_hz, line.switch_toggles, rest_hz)
         floor = snapshot.live.floor
         return (*checks, judge_site(floor)) if floor is not None else checks, ""
@@ -130,8 +130,8 @@ class SetupPresenter(QObject):
     def _take_address(self) -> None:
         """Store the typed address once the oscilloscope there has answered."""
         if self._typed and self._rig.opened == self._typed:
-            self._choices.remember_network(self._typed)
-            self._rig.remember_network(self._choices.settings.network_sources)
+            self._store.remember_network(self._typed)
+            self._rig.remember_network(self._store.settings.network_sources)
             self._sheet.address.clear()
             self._present = ""
             self._typed = ""

@@ -12,15 +12,15 @@ from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Candidate
 from analysis.shot.shot import AnalysisSettings, Cancelled
 from app.report.exports import motion_file_names
+from app.session import candidate_residuals as remainders
 from app.session import kernels, load, workbench
-from app.session import why as remainders
-from app.session.jobs import Jobs, ShotJob, Work
+from app.session.candidate_residuals import CandidateResiduals, by_evidence
+from app.session.jobs import JobQueues, Jobs, ShotJob
 from app.session.log import NAME, ProgramLog, note
 from app.session.result_archive import kinds
 from app.session.result_cache import Key, ResultCache
 from app.session.session import Session
 from app.session.session_files import is_session, listed_by, unlisted
-from app.session.why import Why, by_evidence
 from app.session.workbench import Workbench
 from app.words.flags import flags_in_short
 from tests.app import synthetic
@@ -97,7 +97,7 @@ def test_candidates_stand_in_the_order_of_their_evidence():
 
 
 def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
-    work = Work(None)
+    work = JobQueues(None)
     first, second = synthetic.shot("a", 0.265, 1, count=9000), synthetic.shot("b", 0.2, 2, count=9000)
     asked = []
 
@@ -111,7 +111,7 @@ def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
     before = replace(one.fit_before, effects=(TILT,))
     candidates = tuple(Candidate(e, 1.0, bic) for e, bic in ((VISCOUS, -9.0), (FRICTION, -90.0), (TILT, -99.0)))
     found = replace(one, fit_before=before, candidates=candidates)
-    why = Why(work)
+    why = CandidateResiduals(work)
     why.show(found, [first, synthetic.shot("c", problem="none"), second])
     why.first(VISCOUS)
     why.first(TILT)  # is in the model: it is not wanted
@@ -150,37 +150,37 @@ def test_work_on_the_shot_in_view_is_begun_once_and_its_result_taken_once():
         return lambda report, stop: made.append(given) or given * 2
 
     one, two = SimpleNamespace(number=1, name="a"), SimpleNamespace(number=2, name="b")
-    assert job.ask(one, twice(10)) and not job.ask(one, twice(11))
+    assert job.start(one, twice(10)) and not job.start(one, twice(11))
     assert job.job.name == "spectrum of a" and job.job.kind == "spectrum"
     job.job.done.wait(60)
-    assert job.take() == (one, 20) and job.take() is None and not job.ask(one, twice(12))
+    assert job.take() == (one, 20) and job.take() is None and not job.start(one, twice(12))
     job.forget()
-    assert job.ask(one, twice(13))
+    assert job.start(one, twice(13))
     job.job.done.wait(60)
-    assert job.ask(two, twice(14)) and made[:2] == [10, 13]
+    assert job.start(two, twice(14)) and made[:2] == [10, 13]
     job.job.done.wait(60)
     assert job.take() == (two, 28)
     broken = ShotJob(jobs, "raw")
-    assert broken.ask(one, lambda *_: 1 / 0)
+    assert broken.start(one, lambda *_: 1 / 0)
     broken.job.done.wait(60)
-    assert broken.take() is None and broken.ask(one, lambda *_: 1 / 0)  # it is tried again
+    assert broken.take() is None and broken.start(one, lambda *_: 1 / 0)  # it is tried again
     jobs.close()
 
 
 def test_a_fit_that_was_stopped_is_made_as_a_job_and_another_one_is_taken(tmp_path, monkeypatch):
     bench = Workbench(Session(), AnalysisSettings)
     told = []
-    monkeypatch.setattr(bench.model, "catch_up", lambda also=(): told.append([entry.number for entry in also]))
-    monkeypatch.setattr(bench.model, "is_behind", lambda entry: False)
+    monkeypatch.setattr(bench.model, "refit_outdated", lambda also=(): told.append([entry.number for entry in also]))
+    monkeypatch.setattr(bench.model, "needs_refit", lambda entry: False)
     shot = synthetic.shot("a", count=9000)
     waiting = replace(shot, fit=None, fit_problem=None, path=str(tmp_path / "a.x"))
-    monkeypatch.setattr(bench.session, "awaiting", lambda _: bench.session.entry(1))
+    monkeypatch.setattr(bench.session, "entry_awaiting_fit", lambda _: bench.session.entry(1))
     bench.session.add(waiting)
     assert bench.take_fit(replace(waiting, fit_problem=workbench.STOPPED)).number == 1
     assert told == [[1]] and bench.session.entry(1).shot.fit is None
     assert bench.take_fit(replace(shot, path=None)).shot.fit is not None
     assert bench.session.entry(1).shot.path == str(tmp_path / "a.x") and told == [[1]]
-    monkeypatch.setattr(bench.session, "awaiting", lambda _: None)
+    monkeypatch.setattr(bench.session, "entry_awaiting_fit", lambda _: None)
     assert bench.take_fit(shot) is None
     bench.close()
 
@@ -197,14 +197,14 @@ def test_the_same_session_is_not_opened_or_saved_again(tmp_path):
     assert "not a Levimass session" in bench.open_session(tmp_path / "other.json") and bench.session.entries is before
     bench.close()
     bench = Workbench(Session(), AnalysisSettings)
-    assert bench.usual_session() == "this window has no session file"
+    assert bench.open_unnamed_session() == "this window has no session file"
     bench.close()
 
 
 def test_what_is_a_session_and_what_it_lists(tmp_path):
     session = Session(tmp_path / "a.json")
     session.add(replace(synthetic.bare_shot("x"), path="/data/x"))
-    session.leave_out(["/data/y"])
+    session.dismiss(["/data/y"])
     (tmp_path / "b.json").write_text("{}")
     (tmp_path / "c.txt").write_text((tmp_path / "a.json").read_text())
     assert [is_session(tmp_path / name) for name in ("a.json", "b.json", "c.txt", "d.json")] == [

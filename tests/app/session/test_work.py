@@ -150,8 +150,8 @@ def test_models_are_saved_loaded_and_tested(bench, tmp_path, monkeypatch):
     monkeypatch.setattr(model_work, "refit_shot", _refitted)
     work.model.add("paper", (DRAG,))
     work.model.add("paper", (DRAG,))
-    work.model.try_out("paper", TILT)
-    work.model.try_out("paper", TILT)
+    work.model.add_tried("paper", TILT)
+    work.model.add_tried("paper", TILT)
     parts["an effect of a diagnosis, and one that is tried"] = [*one.said(), *one.listed]
     assert work.session.effects == ModelEffects((DRAG, TILT), (), (TILT,))
     work.exports.save_model([1], path)  # another set than that of the diagnosis: fitted here
@@ -166,12 +166,12 @@ def test_models_are_saved_loaded_and_tested(bench, tmp_path, monkeypatch):
     assert from_text(path.read_text()).shots == ("run-1", "run-2")
     work.model.remove("paper", DRAG)
     parts["removed"] = [*one.said(), *one.listed]
-    assert work.model.known is None
+    assert work.model.loaded_model is None
     work.model.load(path)
     parts["loaded"] = [*one.said(), *one.listed]
-    assert work.model.known is not None and work.model.known.effects == (DRAG,)
+    assert work.model.loaded_model is not None and work.model.loaded_model.effects == (DRAG,)
     work.model.remove("paper", DRAG)
-    assert work.model.known is None  # the session's model differs from the file
+    assert work.model.loaded_model is None  # the session's model differs from the file
     one.said()
     errors = Errors(62e-9, 40e-6, 3.1e-3, 3800.0), Errors(1.1e-9, 8e-6, 2e-3, 1.01)
     shots = (PredictedShot("run-1", True, *errors), PredictedShot("run-2", False, *errors))
@@ -191,7 +191,7 @@ def test_a_model_file_still_being_read_is_not_used_in_the_next_session(bench, tm
     one.said()
     work.model.load(path)
     work._switch_to(Session(tmp_path / "next.json"))
-    assert not any("Model" in line for line in one.said()) and work.model.known is None
+    assert not any("Model" in line for line in one.said()) and work.model.loaded_model is None
 
 
 def _refitted(shot, effects, *, progress, cancelled):
@@ -357,9 +357,9 @@ def test_the_file_of_a_session_holds_all_that_is_the_operators(bench, tmp_path):
     one.workbench._take_diagnosis((1, 2), synthetic.diagnosis(first))
     law = next(iter(LAWS.values()))
     session.set_effects(ModelEffects((DRAG,), (law,), (law,)))
-    session.leave_out(["/data/c.csv", "/data/d.csv", "/data/c.csv"])
+    session.dismiss(["/data/c.csv", "/data/d.csv", "/data/c.csv"])
     one.said()
     written = json.dumps(json.loads((tmp_path / "session.json").read_text()), indent=1, sort_keys=True)
     check("file", {"session.json": written.splitlines()}, KEPT)
     again = Session.reopen(tmp_path / "session.json")
-    assert again.effects == session.effects and again.left_out == ("/data/c.csv", "/data/d.csv")
+    assert again.effects == session.effects and again.dismissed == ("/data/c.csv", "/data/d.csv")

@@ -19,9 +19,9 @@ from tests.app.window.scene import LONGEST_S, SECOND, quiet, settle
 
 RECORDED = {
     "rig": ("arm", "abort", "trigger_now", "set_rearm", "open"),
-    "workbench": ("diagnose", "reanalyse", "open_paths", "open_session", "save_session", "usual_session"),
+    "workbench": ("diagnose", "reanalyse", "open_paths", "open_session", "save_session", "open_unnamed_session"),
     "workbench.exports": ("export", "export_hdf5", "report", "report_to_print", "save_model", "test_model"),
-    "workbench.model": ("load", "add", "remove", "try_out"),
+    "workbench.model": ("load", "add", "remove", "add_tried"),
     "workbench.unsaved": ("save",),
 }
 
@@ -36,7 +36,7 @@ def opened(qapp, tmp_path_factory, warm_kernels):
     locale = QLocale()
     QLocale.setDefault(QLocale.c())
     main = open_window(folder, rigs.idle_bench, apart=False)
-    main.workbench.why.refresh = lambda: False  # the candidates' own fits are given
+    main.workbench.candidate_residuals.refresh = lambda: False  # the candidates' own fits are given
     main.show()
     main.resize(2600, 1500)  # after it was shown, so that it is not fitted to the screen
     main.panels.across.setSizes([1800, 800])

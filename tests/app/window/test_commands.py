@@ -201,8 +201,8 @@ def test_the_rig_is_armed_aborted_and_opened_by_its_buttons(window, calls, monke
     panels.controls.rearm.setChecked(True)
     panels.controls.rearm.setChecked(False)
     assert calls == ["rig.arm()", "rig.open(scpi:10.0.0.7)", "rig.set_rearm(True)", "rig.set_rearm(False)"]
-    assert window._choices.settings.source == "scpi:10.0.0.7"
-    window._choices.remember_source("bench")
+    assert window._store.settings.source == "scpi:10.0.0.7"
+    window._store.remember_source("bench")
     calls.clear()
     panels.keys.show()
     window.rig_presenter.abort()  # closes the sheet first

@@ -70,7 +70,7 @@ def test_the_end_of_each_kind_of_work_is_shown(window, monkeypatch):
     assert panels.table.numbers == [SECOND] and panels.tabs.currentIndex() == Layout.SHOT  # the first of a folder
     opened, declined = [], []
     monkeypatch.setattr(presenter, "open_paths", opened.append)
-    monkeypatch.setattr(window.workbench.session, "leave_out", declined.append)
+    monkeypatch.setattr(window.workbench.session, "dismiss", declined.append)
     paths = (Path("/data/a"), Path("/data/b"))
     for _ in range(2):
         presenter._show_event(Event(EventKind.UNLISTED, "2 recordings", paths=paths))
@@ -122,7 +122,7 @@ def test_files_are_opened_mapped_or_refused_by_what_they_are(window, calls, tmp_
     assert ["beats.wav"] in wanted and is_unmapped(tmp_path / "beats.wav") and not is_unmapped(tmp_path / "motion.csv")
     (refused,) = _said(window)
     assert refused.startswith("bad: b.txt.zip is not a recording (they end in .sigmf-meta, .sigmf-data, .csv, .toml")
-    assert window._choices.recent[:2] == [tmp_path / "a.sigmf-meta", tmp_path / "b.txt.zip"]
+    assert window._store.recent[:2] == [tmp_path / "a.sigmf-meta", tmp_path / "b.txt.zip"]
     assert presenter._dialogs.folder == tmp_path
     presenter.open_paths([])
     assert len(asked) == 1
@@ -148,7 +148,7 @@ def test_what_was_open_lately_is_opened_again_from_its_menu(window, calls, tmp_p
     presenter = window.files_presenter
     (tmp_path / "run.json").write_text('{"schema": "levimass.session/1", "shots": []}')
     (tmp_path / "a.sigmf-meta").write_text("x")
-    window._choices.remember_recent([tmp_path / name for name in ("gone.csv", "run.json", "a.sigmf-meta")])
+    window._store.remember_recent([tmp_path / name for name in ("gone.csv", "run.json", "a.sigmf-meta")])
     presenter.recent.aboutToShow.emit()
     assert presenter.recent.isEnabled()
     actions = presenter.recent.actions()
@@ -163,19 +163,17 @@ def test_what_was_open_lately_is_opened_again_from_its_menu(window, calls, tmp_p
 def test_a_named_session_names_the_window_and_its_folder_is_asked_first(window, calls, monkeypatch, tmp_path):
     presenter = window.files_presenter
     presenter.open_named(tmp_path / "run-3.json")
-    assert window.windowTitle() == "run-3 – Levimass" and window._choices.settings.session == str(
-        tmp_path / "run-3.json"
-    )
+    assert window.windowTitle() == "run-3 – Levimass" and window._store.settings.session == str(tmp_path / "run-3.json")
     assert _said(window) == [f"good: Session {tmp_path / 'run-3.json'}: 4 shots"]
     monkeypatch.setattr(window.workbench, "open_session", lambda path: "another window has it open")
     presenter.open_named(tmp_path / "other.json")
     assert _said(window) == ["bad: another window has it open"] and window.windowTitle() == "run-3 – Levimass"
     monkeypatch.setattr(type(window.workbench.session), "path", property(lambda _: tmp_path / "run-3.json"))
     assert presenter._folder() == tmp_path
-    window._choices.change({"session": ""})
-    assert presenter._folder() == window._choices.start_folder
+    window._store.change({"session": ""})
+    assert presenter._folder() == window._store.start_folder
     presenter.usual_session()
-    assert window.windowTitle() == "Levimass" and window._choices.settings.session == ""
+    assert window.windowTitle() == "Levimass" and window._store.settings.session == ""
     _said(window)
 
 
@@ -199,10 +197,10 @@ def test_a_model_file_makes_its_base_that_of_the_next_shots(window, tmp_path):
     known = write_model(tmp_path / "m.toml", replace(shot.fit, model="clamped"), [shot], None, ())
     window.workbench.model._loaded = known
     settle(window)
-    assert window._choices.settings.model == "clamped"
+    assert window._store.settings.model == "clamped"
     assert any("next shots is now clamped" in line and line.startswith("neutral") for line in _said(window))
     assert "the model file has base model clamped, this fit has paper" in _known(window, FIRST)
-    window._choices.change({"model": "paper"})
+    window._store.change({"model": "paper"})
     window.workbench.model._loaded = None
     settle(window)
     assert _known(window, FIRST) == ""
@@ -243,7 +241,7 @@ def test_effects_are_tried_and_removed_and_a_diagnosis_is_cancelled(window, call
     page.cancel.click()
     assert calls == [
         "workbench.model.remove(paper, a tilt of the guideway)",
-        "workbench.model.try_out(paper, quadratic drag on the block)",
+        "workbench.model.add_tried(paper, quadratic drag on the block)",
     ]  # fmt: skip
     assert stopped == [("diagnosis",), ("plan",)]
     panels.work.cancel.clicked.emit()
@@ -317,12 +315,12 @@ def test_the_trigger_is_signalled_once_a_shot_as_chosen(window, monkeypatch):
         quiet(state=State.ANALYSING, shots=1), quiet(state=State.ARMED, shots=1), quiet(state=State.IDLE, shots=2),
     ]  # fmt: skip
     for sound, flash in ((False, False), (True, False), (False, True)):
-        window._choices.change({"sound": sound, "flash": flash})
+        window._store.change({"sound": sound, "flash": flash})
         window.rig_presenter._before = (State.IDLE, 0)
         for snapshot in states:
             window.rig_presenter._signal_trigger(snapshot)
     assert (len(beeps), len(flashes)) == (2, 2)  # the second came and went between two refreshes
-    window._choices.change({"sound": False, "flash": False})
+    window._store.change({"sound": False, "flash": False})
 
 
 def test_the_set_up_looks_for_devices_judges_and_arms(window, calls, monkeypatch):
@@ -358,13 +356,13 @@ def test_the_set_up_looks_for_devices_judges_and_arms(window, calls, monkeypatch
     assert calls[-1] == "rig.open(scpi:10.0.0.9)" and panels.setup.address.text()
     monkeypatch.setattr(type(window.rig), "opened", property(lambda _: "scpi:10.0.0.9"))
     window.pull()
-    assert panels.setup.address.text() == "" and window._choices.settings.network_sources[0] == "scpi:10.0.0.9"
+    assert panels.setup.address.text() == "" and window._store.settings.network_sources[0] == "scpi:10.0.0.9"
     panels.setup.address.setText("a b")
     panels.setup.use_address.click()
     assert panels.setup.refusal.isVisible()
     setup.toggle_setup()
     assert not panels.setup.isVisible()
-    window._choices.change({"network": ""})
+    window._store.change({"network": ""})
     settle(window)
 
 

@@ -139,7 +139,7 @@ def test_the_tour_starts_by_itself_the_first_time_alone(opened, tmp_path):
     window.tour_presenter.start_once()
     assert window.panels.tour.isVisible()
     window.tour_presenter.toggle_tour()
-    assert not window.panels.tour.isVisible() and window._choices.settings.tour_done
+    assert not window.panels.tour.isVisible() and window._store.settings.tour_done
     window.tour_presenter.start_once()
     assert not window.panels.tour.isVisible()
     window.tour_presenter.toggle_tour()

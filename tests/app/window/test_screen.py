@@ -23,9 +23,9 @@ from analysis.reading.site import CENTRES_HZ, MachineLine, SiteFloor
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Role
 from analysis.shot.shot import PlotNote
-from app.session.channel_looks import ChannelKind, ChannelLook
+from app.session.candidate_residuals import CandidateResidual
+from app.session.channel_guess import ChannelKind, ChannelSummary
 from app.session.settings import FIELDS
-from app.session.why import Remainder
 from app.window.layout import Layout
 from app.window.panels.session_model import VERDICT
 from app.window.presenters import rig
@@ -282,7 +282,9 @@ def test_diagnosis(window):
         page.why.point_at(candidate.effect)
         parts[f"pointed at {candidate.name}"] = [*of(page.why.grid), *of(page.why.said)]
     left = [tuple(f * np.asarray(part.residual_m) for part in found.fit_before.shots) for f in (0.3, 0.6)]
-    page.why.show_found({DRAG: Remainder(DRAG, left[0], 1.01), VISCOUS: Remainder(VISCOUS, left[1], 1.9)})
+    page.why.show_found(
+        {DRAG: CandidateResidual(DRAG, left[0], 1.01), VISCOUS: CandidateResidual(VISCOUS, left[1], 1.9)}
+    )
     page.why.point_at(VISCOUS)
     parts["pointed at one fitted in full"] = [*of(page.why.grid), *of(page.why.said)]
     page.why.point_at(None)
@@ -364,7 +366,7 @@ def test_settings_beyond_their_limits_are_refused(window):
     sheet, applied = panels.settings, []
     sheet.applied.disconnect()
     sheet.applied.connect(applied.append)
-    usual = window._choices.settings.values() | {"folder": "/data/rig", "session": "", "recent": ""}
+    usual = window._store.settings.values() | {"folder": "/data/rig", "session": "", "recent": ""}
     said = []
     for field in (field for field in FIELDS if field.kind in ("number", "numbers")):
         for typed in (f"{1.001 * field.high * field.scale:.12g}", f"{field.low * field.scale - 1e-3:.12g}", "", "x"):
@@ -470,7 +472,7 @@ def test_settings_set_up_help_and_the_other_sheets(window, tmp_path):
     panels = show(window, Layout.SHOT, FIRST)
     parts = {}
     window.rig_presenter.toggle_settings()
-    values = window._choices.settings.values() | {"folder": "/data/rig", "session": ""}
+    values = window._store.settings.values() | {"folder": "/data/rig", "session": ""}
     panels.settings.show_values(values)
     parts["settings"] = of(panels.settings)
     panels.settings._editors["moving_mass_kg"].setText("a lot")
@@ -502,8 +504,8 @@ def test_settings_set_up_help_and_the_other_sheets(window, tmp_path):
     panels.mapping.ask(contents, 17.85e-3, 2.73e6)
     parts["channels"] = of(panels.mapping)
     looks = (
-        ChannelLook("ai0", ChannelKind.MOVING, 0.8, 2.5e6, 2.8e6, True),
-        ChannelLook("ai1", ChannelKind.STILL, 0.6, 0.27, 0.27),
+        ChannelSummary("ai0", ChannelKind.MOVING, 0.8, 2.5e6, 2.8e6, True),
+        ChannelSummary("ai1", ChannelKind.STILL, 0.6, 0.27, 0.27),
     )
     panels.mapping.ask(contents, 17.85e-3, None, looks)
     parts["channels that were looked at"] = of(panels.mapping)

@@ -93,7 +93,7 @@ RIG = (  # groups of settings that are corrected together
 )
 
 
-class Choices:
+class SettingsStore:
     """Holds the settings in use; each change replaces the immutable Settings and saves it."""
 
     def __init__(self, path: Path) -> None:

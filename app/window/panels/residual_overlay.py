@@ -14,7 +14,7 @@ from analysis.diagnosis import Diagnosis
 from analysis.shot import Floats, Shot
 from analysis.uncertainty import diagnosed_band
 from app.report import time_zero
-from app.session import Remainder, by_evidence
+from app.session import CandidateResidual, by_evidence
 from app.window.panels.effects import CandidateBars
 from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid
 from app.window.theme import Colours, Dressed, Tone
@@ -41,7 +41,7 @@ class WhyCanvas(Dressed, QWidget):
         self._diagnosis: Diagnosis | None = None
         self._shots: list[Shot] = []
         self._accepted = False
-        self._found: Mapping[Effect, Remainder] = {}
+        self._found: Mapping[Effect, CandidateResidual] = {}
         self._effect: Effect | None = None
         column = vertical(self, (6, 0, 0, 0))
         top = QHBoxLayout()
@@ -71,7 +71,7 @@ class WhyCanvas(Dressed, QWidget):
         self._diagnosis, self._shots, self._accepted = diagnosis, shots, accepted
         self._draw()
 
-    def show_found(self, found: Mapping[Effect, Remainder]) -> None:
+    def show_found(self, found: Mapping[Effect, CandidateResidual]) -> None:
         """Set the residuals of the candidates fitted so far."""
         self._found = dict(found)
         self._draw()
@@ -84,7 +84,7 @@ class WhyCanvas(Dressed, QWidget):
             self.pointed.emit(effect)
         self._draw_overlay()
 
-    def _pair(self) -> tuple[Remainder, Remainder] | None:
+    def _pair(self) -> tuple[CandidateResidual, CandidateResidual] | None:
         """Return the residuals of the two best fitted candidates, or None until two are fitted."""
         if self._diagnosis is None:
             return None
@@ -125,7 +125,7 @@ class WhyCanvas(Dressed, QWidget):
             cells.append(Cell(title, time_ms, left, np.asarray(after[place].residual_m), noise_m))
         return cells
 
-    def _draw_pair(self, first: Remainder, second: Remainder) -> None:
+    def _draw_pair(self, first: CandidateResidual, second: CandidateResidual) -> None:
         assert self._diagnosis is not None
         cells = []
         for place, cell in enumerate(self._cells(self._diagnosis)[:BESIDE_SHOTS]):

@@ -15,7 +15,7 @@ from analysis.collision import Effect
 from analysis.diagnosis import Candidate, Diagnosis
 from analysis.fitted import fit_jointly, shaking_of
 from analysis.shot import AnalysisError, Floats, Motion, Progress, Shaking, Shot, Stop
-from app.session.jobs import Job, Work
+from app.session.jobs import Job, JobQueues
 from levimass import is_drive
 
 MOST = 6  # most candidates fitted: effects found, then the next best
@@ -23,7 +23,7 @@ KIND = "why"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Remainder:
+class CandidateResidual:
     """Residual of each shot, (n,) in m, with one candidate in the model; None if the fit did not converge."""
 
     effect: Effect
@@ -36,7 +36,7 @@ def by_evidence(candidates: Sequence[Candidate]) -> list[Candidate]:
     return sorted(candidates, key=lambda c: (math.inf if c.delta_bic is None else c.delta_bic, -abs(c.score)))
 
 
-def remainder_of(
+def candidate_residual(
     motions: Sequence[Motion],
     base: str,
     effects: tuple[Effect, ...],
@@ -44,20 +44,20 @@ def remainder_of(
     *,
     progress: Progress,
     cancelled: Stop,
-) -> Remainder:
+) -> CandidateResidual:
     """Return the residual of a joint fit with these effects; the last of them is the candidate."""
     try:
         fit = fit_jointly(motions, base, effects, cancelled, shakings)
     except AnalysisError:
-        return Remainder(effects[-1], None, float("nan"))
+        return CandidateResidual(effects[-1], None, float("nan"))
     left = tuple(np.asarray(part.residual_m) for part in fit.shots) if fit.converged else None
-    return Remainder(effects[-1], left, fit.reduced_chi2)
+    return CandidateResidual(effects[-1], left, fit.reduced_chi2)
 
 
-class Why:
+class CandidateResiduals:
     """Residuals of the candidates of one diagnosis; ``found`` grows as the fits finish."""
 
-    def __init__(self, work: Work) -> None:
+    def __init__(self, work: JobQueues) -> None:
         self._work = work
         self._of: Diagnosis | None = None
         self._motions: list[Motion] = []
@@ -65,7 +65,7 @@ class Why:
         self._wanted: list[Effect] = []
         self._job: Job | None = None
         self._fitting: Effect | None = None  # candidate of the current job
-        self.found: dict[Effect, Remainder] = {}
+        self.found: dict[Effect, CandidateResidual] = {}
 
     @property
     def waiting(self) -> bool:
@@ -104,7 +104,7 @@ class Why:
         job, came = self._job, False
         if job is not None and job.done.is_set():
             self._job = None
-            if isinstance(job.result, Remainder) and not job.cancelled:
+            if isinstance(job.result, CandidateResidual) and not job.cancelled:
                 self.found[job.result.effect] = job.result
                 came = True
             if not job.cancelled:
@@ -115,11 +115,11 @@ class Why:
 
     def _ask(self, diagnosis: Diagnosis, effect: Effect) -> None:
         effects = (*diagnosis.fit_before.effects, effect)
-        fitting = partial(remainder_of, self._motions, diagnosis.fit_before.model, effects, self._shakings)
+        fitting = partial(candidate_residual, self._motions, diagnosis.fit_before.model, effects, self._shakings)
 
-        def work(report: Progress, cancelled: Stop) -> Remainder:
+        def work(report: Progress, cancelled: Stop) -> CandidateResidual:
             report("fit with this candidate", 0.0)
-            made: Remainder = self._work.do(fitting, report, cancelled)
+            made: CandidateResidual = self._work.run_long(fitting, report, cancelled)
             return made
 
         self._fitting = effect

@@ -14,8 +14,8 @@ from instrument.files import ForeignChannel, ForeignColumn, ForeignContents, for
 
 USED_SAMPLES = 2**22  # samples used of each channel
 PARTS, PART = 48, 4096  # number of parts searched for a beat, and their greatest length in samples
-MOVES = 0.02  # least relative change of frequency of a varying beat
-LINE = 12.0  # least power of a beat's spectral line, in units of the median power
+LEAST_VARIATION = 0.02  # least relative change of frequency of a varying beat
+LEAST_LINE_POWER = 12.0  # least power of a beat's spectral line, in units of the median power
 
 
 class ChannelKind(StrEnum):
@@ -30,7 +30,7 @@ class ChannelKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class ChannelLook:
+class ChannelSummary:
     """Signal in one channel: ``amplitude`` in the file's unit, beat in Hz or in units of an unknown sample rate."""
 
     name: str
@@ -41,15 +41,15 @@ class ChannelLook:
     in_hz: bool = False
 
 
-def looks_of(contents: ForeignContents) -> tuple[ChannelLook, ...]:
+def summarise_channels(contents: ForeignContents) -> tuple[ChannelSummary, ...]:
     """Return the kind of signal in each channel of a file.  Raises RecordingError; for a damaged file any error."""
     names = [channel.name for channel in contents.channels]
     return tuple(
-        _look(c, column) for c, column in zip(contents.channels, foreign_columns(contents, names), strict=True)
+        _summary(c, column) for c, column in zip(contents.channels, foreign_columns(contents, names), strict=True)
     )
 
 
-def proposed(looks: Sequence[ChannelLook]) -> Mapping[Role, str]:
+def proposed_roles(looks: Sequence[ChannelSummary]) -> Mapping[Role, str]:
     """Return the probable channel of each role; a role without a channel is left out.
 
     PD1 is the beat whose frequency varies most, PD0 the one that varies least; if none varies, both are left out.
@@ -67,26 +67,26 @@ def proposed(looks: Sequence[ChannelLook]) -> Mapping[Role, str]:
     return found
 
 
-def _look(channel: ForeignChannel, column: ForeignColumn) -> ChannelLook:
+def _summary(channel: ForeignChannel, column: ForeignColumn) -> ChannelSummary:
     values = np.asarray(column.values[:USED_SAMPLES], dtype=np.float64)
     values = values[np.isfinite(values)]
     if values.size < 64:
-        return ChannelLook(channel.name, ChannelKind.OTHER, 0.0)
+        return ChannelSummary(channel.name, ChannelKind.OTHER, 0.0)
     amplitude = float(np.std(values)) * 2.0**0.5
     if amplitude == 0.0:
-        return ChannelLook(channel.name, ChannelKind.FLAT, 0.0)
+        return ChannelSummary(channel.name, ChannelKind.FLAT, 0.0)
     steps = np.diff(values)
     if np.all(steps > 0) and float(np.ptp(steps)) <= 1e-6 * float(np.mean(steps)) * values.size:
-        return ChannelLook(channel.name, ChannelKind.COUNTER, amplitude)
+        return ChannelSummary(channel.name, ChannelKind.COUNTER, amplitude)
     if _two_levels(values):
-        return ChannelLook(channel.name, ChannelKind.SWITCH, amplitude)
+        return ChannelSummary(channel.name, ChannelKind.SWITCH, amplitude)
     rate = column.sample_rate_hz or channel.sample_rate_hz
     lines = _lines(values) * (rate or 1.0)
     if lines.size < 3:
-        return ChannelLook(channel.name, ChannelKind.OTHER, amplitude, in_hz=rate is not None)
+        return ChannelSummary(channel.name, ChannelKind.OTHER, amplitude, in_hz=rate is not None)
     low, high = float(lines.min()), float(lines.max())
-    kind = ChannelKind.MOVING if high - low > MOVES * float(np.median(lines)) else ChannelKind.STILL
-    return ChannelLook(channel.name, kind, amplitude, low, high, rate is not None)
+    kind = ChannelKind.MOVING if high - low > LEAST_VARIATION * float(np.median(lines)) else ChannelKind.STILL
+    return ChannelSummary(channel.name, kind, amplitude, low, high, rate is not None)
 
 
 def _two_levels(values: Floats) -> bool:
@@ -110,16 +110,16 @@ def _lines(values: Floats) -> Floats:
         power = np.abs(np.fft.rfft((part - part.mean()) * window)) ** 2
         power[:2] = 0.0
         top = int(np.argmax(power))
-        if power[top] > LINE * float(np.median(power[2:])) and 1 < top < power.size - 1:
+        if power[top] > LEAST_LINE_POWER * float(np.median(power[2:])) and 1 < top < power.size - 1:
             a, b, c = np.log(np.maximum(power[top - 1 : top + 2], 1e-300))
             shift = 0.5 * (a - c) / (a - 2 * b + c) if a - 2 * b + c < 0 else 0.0
             found.append((top + shift) / length)
     return np.array(found)
 
 
-WORD = "swapped"  # contained in the demodulation's error if PD0's beat varies and PD1's is constant
+SWAPPED = "swapped"  # contained in the demodulation's error if PD0's beat varies and PD1's is constant
 
 
 def is_swapped(shot: Shot | None) -> bool:
     """Return whether a shot could not be analysed because its PD0 and PD1 are swapped."""
-    return shot is not None and shot.problem is not None and WORD in shot.problem
+    return shot is not None and shot.problem is not None and SWAPPED in shot.problem

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from app.session.channel_looks import PART, PARTS, ChannelKind, _lines, is_swapped, looks_of, proposed
-from app.session.choices import Choices
+from app.session.channel_guess import PART, PARTS, ChannelKind, _lines, is_swapped, proposed_roles, summarise_channels
 from app.session.load import load_and_analyse
 from app.session.session import Session
+from app.session.settings_store import SettingsStore
 from app.session.workbench import Workbench
 from app.window.layout import Layout
 from app.window.panels.mapping_sheet import MappingSheet
@@ -50,13 +50,13 @@ def test_an_oscilloscopes_csv_is_read_with_its_names_and_proposed_by_its_signals
     held = foreign_channels(path)
     assert [channel.name for channel in held.channels] == ["X", "CH1", "CH2", "CH3"]
     assert held.channels[1].sample_rate_hz == pytest.approx(recording.sample_rate_hz)
-    looks = looks_of(held)
+    looks = summarise_channels(held)
     assert looks[0].kind is ChannelKind.COUNTER
     roles = [recording.channels[c].role for c in order]
     kinds = {Role.REFERENCE: ChannelKind.STILL, Role.MEASUREMENT: ChannelKind.MOVING, Role.SWITCH: ChannelKind.SWITCH}
     assert [look.kind for look in looks[1:]] == [kinds[role] for role in roles]
     wanted = {role: f"CH{place + 1}" for place, role in enumerate(roles)}
-    assert dict(proposed(looks)) == wanted
+    assert dict(proposed_roles(looks)) == wanted
     mapping = ForeignMapping("csv", tuple(MappedChannel(r, n) for r, n in wanted.items()), recording.setup)
     assert read_foreign(path, mapping).sample_rate_hz == pytest.approx(recording.sample_rate_hz)
 
@@ -68,7 +68,7 @@ def test_the_sheet_shows_what_each_channel_is_and_proposes_it(qtbot, tmp_path):
     held = foreign_channels(path)
     sheet = MappingSheet()
     qtbot.addWidget(sheet)
-    sheet.ask(held, 17.85e-3, None, looks_of(held))
+    sheet.ask(held, 17.85e-3, None, summarise_channels(held))
     assert [sheet.boxes[role].currentData() for role in sheet.boxes] == ["CH1", "CH2", "CH3"]
     words = sheet._looks.text()
     assert "<b>X</b>: row counter" in words and "MHz" in words and "beat, varying frequency" in words
@@ -83,11 +83,11 @@ def test_swapped_beats_are_exchanged_for_good(qtbot, tmp_path):
     write_mapping(mapping, mapping_path(path))
     panels = Layout(Theme("light"))
     qtbot.addWidget(panels)
-    choices = Choices(tmp_path / "settings.json")
-    bench = Workbench(Session(), choices.analysis)
+    store = SettingsStore(tmp_path / "settings.json")
+    bench = Workbench(Session(), store.analysis)
     try:
-        presenter = MappingPresenter(bench, choices, panels)
-        session = SessionPresenter(bench, choices, panels, SelectionPresenter(bench, panels, panels), panels)
+        presenter = MappingPresenter(bench, store, panels)
+        session = SessionPresenter(bench, store, panels, SelectionPresenter(bench, panels, panels), panels)
         session.swap_wanted.connect(presenter.swap)
         session.open_paths([path])
         qtbot.waitUntil(lambda: (session.refresh(), len(read_entries(bench.session)) == 1)[1], timeout=60_000)

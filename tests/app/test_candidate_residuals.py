@@ -13,12 +13,12 @@ from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
 from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis.result import Candidate, FoundEffect
 from analysis.drive.catalogue import LAWS
-from app.session import why
-from app.session.jobs import Jobs, Work
-from app.session.why import Remainder, Why, by_evidence
+from app.session import candidate_residuals
+from app.session.candidate_residuals import CandidateResidual, CandidateResiduals, by_evidence
+from app.session.jobs import JobQueues, Jobs
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.effects import TRIED, Bar, CandidateBars, EffectRows
-from app.window.panels.why_canvas import explained
+from app.window.panels.residual_overlay import explained
 from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, scale_of
 from app.window.theme import LIGHT
 from tests.app import synthetic
@@ -203,7 +203,7 @@ def test_all_shots_stand_on_one_axis_and_accepting_turns_before_into_after(qtbot
 def test_pointing_at_a_candidate_overlays_what_it_would_explain_at_once(qtbot, told, shots):
     page = _page(qtbot, told, shots)
     left = tuple(part.residual_m - 0.7 * _wave(part) for part in told.fit_before.shots)
-    page.why.show_found({VISCOUS: Remainder(VISCOUS, left, 44.0)})
+    page.why.show_found({VISCOUS: CandidateResidual(VISCOUS, left, 44.0)})
     orange = _pixels(page.why.grid, LIGHT.simulated)
     (name,) = (w for w in page.bars.findChildren(QLabel) if w.text() == "viscous drag on the block")
     QApplication.sendEvent(name, QEnterEvent(*[QPointF(2.0, 2.0)] * 3))
@@ -232,7 +232,7 @@ def test_the_curve_of_the_diagnosis_is_drawn_until_the_candidates_own_fit_is_the
     page.why.point_at(VISCOUS)
     assert "as fitted in the diagnosis" in page.why.said.text() and len(page.why.grid.overlays) == 3
     left = tuple(part.residual_m - 0.9 * _wave(part) for part in told.fit_before.shots)
-    page.why.show_found({VISCOUS: Remainder(VISCOUS, left, 44.0)})
+    page.why.show_found({VISCOUS: CandidateResidual(VISCOUS, left, 44.0)})
     page.why.point_at(VISCOUS)
     assert "44" in page.why.said.text() and "diagnosis" not in page.why.said.text()
     assert np.array_equal(page.why.grid.overlays[0].remains_m, left[0])
@@ -244,7 +244,7 @@ def test_the_best_candidate_and_its_neighbour_stand_side_by_side(qtbot, told, sh
     found = {}
     for effect, share in ((CATALOGUE["quadratic_drag"], 0.0), (LAWS["lugre_friction"], 0.4)):
         left = tuple(part.residual_m + share * _wave(part) for part in told.fit_after.shots)
-        found[effect] = Remainder(effect, left, 1.0 + 100 * share)
+        found[effect] = CandidateResidual(effect, left, 1.0 + 100 * share)
     page.why.show_found(found)
     page.why.neighbour.click()
     cells = page.why.grid.cells
@@ -278,13 +278,13 @@ def test_candidates_are_fitted_while_nothing_else_is_to_be_done(told, shots, mon
         asked.append(effects[-1])
         while not go.wait(0.01):
             if cancelled():
-                raise why.AnalysisError("given up")
-        return Remainder(effects[-1], (np.zeros(3),) * len(motions), 1.0)
+                raise candidate_residuals.AnalysisError("given up")
+        return CandidateResidual(effects[-1], (np.zeros(3),) * len(motions), 1.0)
 
-    monkeypatch.setattr(why, "remainder_of", fitted)
-    work = Work(None)
+    monkeypatch.setattr(candidate_residuals, "candidate_residual", fitted)
+    work = JobQueues(None)
     try:
-        whole = Why(work)
+        whole = CandidateResiduals(work)
         whole.show(told, shots)
         whole.refresh()
         until(lambda: asked == [CATALOGUE["quadratic_drag"]])

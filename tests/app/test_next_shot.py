@@ -81,7 +81,7 @@ class _Workbench:
         self.diagnoses = Diagnoses()
         self.asked, self.jobs = [], []
 
-    def aside(self, name, work, kind, take):
+    def submit_long(self, name, work, kind, take):
         self.jobs.append(SimpleNamespace(work=work, take=take))
 
     def diagnose(self, numbers):

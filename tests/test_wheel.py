@@ -22,8 +22,8 @@ def everything():
     from levimass.analysis.compiled import kernel_cache
     from levimass.instrument.process.child import lower_priority
     from levimass.instrument.devices.device_search import udev_rule_path
-    from levimass.instrument.devices.sources import SOURCES, imported
-    assert all(callable(imported(source.opener)) for source in SOURCES)
+    from levimass.instrument.devices.sources import SOURCES, import_function
+    assert all(callable(import_function(source.opener)) for source in SOURCES)
     own = {"app", "analysis", "instrument", "resources"}
     assert not own & {name.split(".")[0] for name in sys.modules}
     assert levimass.analysis.__file__.startswith(sys.argv[1])

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.command_line.outputs import in_a_line, say
+from app.command_line.outputs import error_line, say
 from instrument.bench import QUIET, parse, site_named
 from instrument.bench import simulate as write_simulated
 from instrument.capture import AcquireError
@@ -81,7 +81,7 @@ def simulate(
     try:
         paths = write_simulated(folder, shots, seed, effects, undeclared, site=place)
     except (RecordingError, OSError) as error:
-        say(in_a_line(error, folder))
+        say(error_line(error, folder))
         return 1
     for path in paths:
         print(path)

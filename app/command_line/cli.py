@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 from app.command_line.options import WINDOW
 from app.command_line.parser import command_of, parse, settings_from
-from app.words import PlainStream
+from app.words import EscapingStream
 
 if TYPE_CHECKING:
     from analysis.planning import Reach
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Run = Callable[[], int]
 
 
-def run_of(options: argparse.Namespace, arguments: Sequence[str]) -> Run:
+def prepared_command(options: argparse.Namespace, arguments: Sequence[str]) -> Run:
     """Import a command's modules and return the function that runs it; that function returns the exit status."""
     if (command := command_of(options)) == WINDOW:
         return partial(window, arguments, site=options.site)
@@ -77,9 +77,9 @@ def _replay(options: argparse.Namespace) -> Run:
 
 def _acquire(options: argparse.Namespace) -> Run:
     from app.command_line.acquire import CaptureRequest, acquire
-    from instrument.devices import at_site
+    from instrument.devices import with_site
 
-    source = options.source if options.site is None else at_site(options.source, options.site)
+    source = options.source if options.site is None else with_site(options.source, options.site)
     request = CaptureRequest(source, options.out, options.rate, options.samples, options.timeout)
     if options.resolve is None:
         return partial(acquire, options.acquire, request)
@@ -155,7 +155,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _status(arguments: Sequence[str]) -> int:
     try:
         with _ended_by_ctrl_c():
-            run = run_of(parse(list(arguments)), arguments)
+            run = prepared_command(parse(list(arguments)), arguments)
         status = run()
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -185,7 +185,7 @@ def _plain_streams() -> Iterator[None]:
             (sys.stderr, contextlib.redirect_stderr),
         ):
             if stream is not None:  # None in a program without a console
-                undo.enter_context(redirect(PlainStream(stream)))  # type: ignore[type-var]
+                undo.enter_context(redirect(EscapingStream(stream)))  # type: ignore[type-var]
         yield
 
 

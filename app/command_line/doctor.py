@@ -20,7 +20,7 @@ from app.command_line.machine import installed, version_text, why_no_window
 from app.command_line.outputs import say
 from app.session import NAME, complete
 from app.session import prepare as compile_all
-from instrument.devices import Check, DigitizerError, Grade, examine
+from instrument.devices import Check, DigitizerError, Grade, check_computer
 from instrument.files import RecordingError, open_regular, write_atomic
 from instrument.live import try_signals
 from instrument.process import open_in_subprocess
@@ -31,7 +31,7 @@ def doctor(folder: Path | None = None, source: str | None = None, bundle: Path |
 
     ``bundle`` is the path of the ZIP file for support.
     """
-    checks = [_program(), *examine(folder or Path.cwd()), _qt(), _kernels(), _log()]
+    checks = [_program(), *check_computer(folder or Path.cwd()), _qt(), _kernels(), _log()]
     if source is not None:
         checks += _signals(source)
     for check in checks:

@@ -79,7 +79,7 @@ class Version(argparse.Action):
 
 
 @dataclass(frozen=True, slots=True)
-class _Later:
+class _LazyText:
     """Part of a help text that is computed when argparse prints the help."""
 
     words: Callable[[], str] | None
@@ -111,7 +111,7 @@ class Option:
         else:
             named = names or (self.flag,)
             action = to.add_argument(*named, type=self.parse, metavar=self.metavar, help=self.help, **self.more)
-            action.later = _Later(self.later)
+            action.later = _LazyText(self.later)
 
 
 _OPTIONAL = {"nargs": "?", "const": ""}

@@ -63,7 +63,7 @@ def problem_line(path: str, problem: str) -> str:
     return problem if Path(flat).name in problem else f"{flat}: {problem}"
 
 
-def in_a_line(error: Exception, otherwise: object) -> str:
+def error_line(error: Exception, otherwise: object) -> str:
     """Return one line with file and cause of an error; ``otherwise`` is named if the error names no file."""
     if isinstance(error, OSError):
         return f"{error.filename or otherwise}: {error.strerror or error}"
@@ -71,6 +71,6 @@ def in_a_line(error: Exception, otherwise: object) -> str:
     return text if isinstance(error, RecordingError) else f"{otherwise}: {text}"
 
 
-def own_fault(error: Exception) -> AnalysisError:
+def program_fault(error: Exception) -> AnalysisError:
     """Wrap an unexpected exception as a reported fault of this program, so that other outputs are still written."""
     return AnalysisError(f"a fault of the program: {type(error).__name__}: {' '.join(str(error).split())}")

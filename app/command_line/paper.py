@@ -7,7 +7,7 @@ from pathlib import Path
 from analysis.collision import TooManyEvents
 from analysis.paper import Reproduction, Status, reproduce, to_result
 from analysis.shot import Shot
-from app.command_line.outputs import in_a_line, json_text, say, say_problem, write_json
+from app.command_line.outputs import error_line, json_text, say, say_problem, write_json
 from app.report import PAPER_SECTIONS, paper_cells, shown_number
 from app.session import load_and_analyse
 from instrument.files import RecordingError, find_recordings
@@ -35,7 +35,7 @@ def paper(json_to: str | None, figures_to: Path | None, recording: Path | None) 
         if figures_to is not None:
             ok = _figures(shot, figures_to, quiet=json_to == "-") and ok
     except (RecordingError, OSError) as error:
-        say(in_a_line(error, figures_to or json_to))
+        say(error_line(error, figures_to or json_to))
         ok = False
     return 0 if ok else 1
 

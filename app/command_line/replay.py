@@ -23,9 +23,9 @@ from app.command_line.options import known_model
 from app.command_line.outputs import (
     Outputs,
     check_outputs,
-    in_a_line,
+    error_line,
     json_text,
-    own_fault,
+    program_fault,
     say,
     say_problem,
     write_json,
@@ -94,7 +94,7 @@ def replay(
         known = known_model(model)
         check_outputs(outputs.json, outputs.export, outputs.report, outputs.model)
     except (AnalysisError, RecordingError, OSError) as error:
-        say(in_a_line(error, model))
+        say(error_line(error, model))
         return 1
     settings = replace(settings, effects=known.effects if known else ())
     for path in find_recordings(paths):
@@ -156,7 +156,7 @@ def _or_said(work: Callable[[], Result], lacking: str) -> Result | None:
     except AnalysisError as error:
         say(f"{lacking}: {error}")
     except Exception as error:  # the shots' own results are still written
-        say(f"{lacking}: {own_fault(error)}")
+        say(f"{lacking}: {program_fault(error)}")
     return None
 
 
@@ -227,9 +227,9 @@ def _written(write: Callable[[], object], where: object) -> bool:
     try:
         write()
     except (RecordingError, OSError) as error:
-        say(in_a_line(error, where))
+        say(error_line(error, where))
     except Exception as error:
-        say(in_a_line(own_fault(error), where))
+        say(error_line(program_fault(error), where))
     else:
         return True
     return False

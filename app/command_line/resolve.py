@@ -15,10 +15,10 @@ from analysis.planning import (
 from analysis.report import result
 from analysis.shot import AnalysisError, Shot
 from app.command_line.acquire import CaptureRequest, opened, record_shots
-from app.command_line.outputs import check_outputs, in_a_line, json_text, say, say_problem, write_json
+from app.command_line.outputs import check_outputs, error_line, json_text, say, say_problem, write_json
 from app.session import load_and_analyse, planned_record, planned_setup
 from instrument.capture import AcquireError, acquire
-from instrument.devices import DigitizerError, is_bench, pushed
+from instrument.devices import DigitizerError, is_bench, with_push
 from instrument.files import RecordingError
 
 
@@ -42,7 +42,7 @@ def resolve(first: int, most: int, request: CaptureRequest, json_to: str | None,
         say(error)
         return 1
     except OSError as error:
-        say(in_a_line(error, request.out))
+        say(error_line(error, request.out))
         return 1
     if json_to != "-":
         for shot in shots:
@@ -55,7 +55,7 @@ def _planned(shot: NextShot, shots: Sequence[Shot], request: CaptureRequest, num
     """Take one planned shot: set speed and weights of the simulated bench, or print what to set at another source."""
     source = None
     if is_bench(request.source):
-        source = pushed(request.source, shot.speed_m_per_s, shot.added_mass_kg, number)
+        source = with_push(request.source, shot.speed_m_per_s, shot.added_mass_kg, number)
     say(f"{'taking' if source else 'set the rig, then push the block:'} {shot.words}")
     digitizer = opened(source or request.source, request)
     setup = None if source else planned_setup(digitizer.setup, shot, shots)

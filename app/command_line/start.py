@@ -28,7 +28,7 @@ def headless_shot() -> int:
     from app.command_line.outputs import say_problem
     from app.report import fit_lines, summary
     from app.session import Stage, prepare_first_shot
-    from app.words import by_weight, flag_words
+    from app.words import by_severity, flag_words
     from instrument.bench import simulate
     from instrument.files import open_recording
 
@@ -43,7 +43,7 @@ def headless_shot() -> int:
         read_flags, shot = shot.flags, fitted(shot)
     if shot.fit is not None and shot.fit.converged:
         print("\n".join(fit_lines(shot.fit, combined_of(shot))))
-    for flag in by_weight(flag for flag in shot.flags if flag not in read_flags):
+    for flag in by_severity(flag for flag in shot.flags if flag not in read_flags):
         print(f"  {flag}: {flag_words(flag)}")
     say_problem(shot)
     return 1 if shot.problem or shot.fit_problem else 0

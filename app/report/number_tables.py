@@ -19,7 +19,7 @@ from analysis.uncertainty import (
     stated,
     with_unit,
 )
-from app.words import Markup, by_weight, flag_words, joined, or_dash, table, tag
+from app.words import Markup, by_severity, flag_words, joined, or_dash, table, tag
 
 SMALL = 0.02  # contributions below this fraction of the combined uncertainty share one row
 
@@ -220,7 +220,7 @@ def summary(shot: Shot) -> str:
     if shot.fit is not None and shot.fit.converged:
         lines += fit_lines(shot.fit, combined)
     if shot.flags:
-        lines += [f"  {flag}: {flag_words(flag)}" for flag in by_weight(shot.flags)]
+        lines += [f"  {flag}: {flag_words(flag)}" for flag in by_severity(shot.flags)]
     return "\n".join(lines)
 
 

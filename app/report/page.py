@@ -14,7 +14,7 @@ from app.report.number_tables import budgets, disturbance_section, fitted, model
 from app.report.session_section import session_section
 from app.report.shot_figures import figures
 from app.report.svg_plot import style_sheet
-from app.words import Markup, by_weight, flag_words, joined, table, tag
+from app.words import Markup, by_severity, flag_words, joined, table, tag
 
 MOST_DRAWN = 24  # most shots with figures; more would make the file too large for a browser
 NO_LOADING = "default-src 'none'; style-src 'unsafe-inline'"
@@ -100,7 +100,7 @@ def _remarks(shot: Shot) -> Markup:
     if shot.problem:
         parts.append(tag("p", f"Not analysed: {shot.problem}", class_="warning"))
     if shot.flags:
-        parts.append(table([], [[flag, flag_words(flag)] for flag in by_weight(shot.flags)], "flags"))
+        parts.append(table([], [[flag, flag_words(flag)] for flag in by_severity(shot.flags)], "flags"))
     if shot.note:
         parts.append(tag("p", tag("b", "Note: "), shot.note, class_="note"))
     if shot.plot_notes:

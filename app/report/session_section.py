@@ -22,7 +22,7 @@ from analysis.uncertainty import (
 from app.report.number_tables import scaled
 from app.report.shot_figures import contact_span_ms, figure, grid_ms, time_zero
 from app.report.svg_plot import Dot, Line, Plot, draw
-from app.words import Markup, by_weight, flag_name, joined, or_dash, table, tag
+from app.words import Markup, by_severity, flag_name, joined, or_dash, table, tag
 
 COLOURS = 8  # number of colours in the style sheet, series-0 to series-7, which then repeat
 NAMED = 8  # most curves in a legend
@@ -56,7 +56,9 @@ def _overview(shots: Sequence[Shot]) -> Markup:
         readings = [stated(number.find(shot), number.key, combined) for number in listed]
         cells = [scaled(reading, number.unit)[0] for reading, number in zip(readings, listed, strict=True)]
         failed = f"failed: {shot.problem}" if shot.problem else ""
-        said = "; ".join(part for part in (failed, ", ".join(map(flag_name, by_weight(shot.flags))), shot.note) if part)
+        said = "; ".join(
+            part for part in (failed, ", ".join(map(flag_name, by_severity(shot.flags))), shot.note) if part
+        )
         rows.append([tag("a", shot.name, href=f"#shot-{place}"), shot.started_at or "", *cells, said])
     header = ["shot", "started", *(number.head for number in listed), "remarks"]
     note = "± is the combined standard uncertainty; its sources are in each shot's budget."

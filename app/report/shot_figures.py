@@ -7,7 +7,7 @@ import numpy as np
 
 from analysis.shot import Floats, Motion, Overlay, Quantity, Shot
 from analysis.uncertainty import band_of
-from app.report.svg_plot import WIDTH, Band, Line, Plot, Remark, draw
+from app.report.svg_plot import WIDTH, Band, Line, NoteMark, Plot, draw
 from app.words import Markup, tag
 
 MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # (class in the style sheet, label)
@@ -15,7 +15,7 @@ RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and
 
 
 @dataclass(frozen=True, slots=True)
-class _Course:
+class _ShotTimeAxes:
     """A shot with the time axes of its figures, in ms from ``time_zero``."""
 
     shot: Shot
@@ -33,11 +33,11 @@ class _Course:
         instants = (impact.touch_time_s, impact.release_time_s)
         return tuple(1e3 * (t.value - zero) for t in instants if isinstance(t, Quantity) and math.isfinite(t.value))
 
-    def remarks(self, plot: str, per_y: float = 1.0) -> tuple[Remark, ...]:
+    def remarks(self, plot: str, per_y: float = 1.0) -> tuple[NoteMark, ...]:
         """Return the operator's notes on a plot over time; ``per_y`` is the scale of the drawn values."""
         zero = time_zero(self.shot)[0]
         noted = (note for note in self.shot.plot_notes if note.plot == plot)
-        return tuple(Remark(1e3 * (note.x - zero), per_y * note.y, note.text) for note in noted)
+        return tuple(NoteMark(1e3 * (note.x - zero), per_y * note.y, note.text) for note in noted)
 
 
 def figures(shot: Shot) -> list[Markup]:
@@ -48,7 +48,7 @@ def figures(shot: Shot) -> list[Markup]:
     zero, label = time_zero(shot)
     overlay = shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.converged and shot.fit.shots else None
     overlay_ms = 1e3 * (overlay.time_s - zero) if overlay is not None else np.empty(0)
-    course = _Course(shot, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
+    course = _ShotTimeAxes(shot, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
     made = [_whole(course), _residuals(course)]
     if shot.impact is not None:
         made += [_first_contact(course), _deflection(course), _gap(course)]
@@ -67,7 +67,7 @@ def beat_hz(velocity_m_per_s: Floats, rest_hz: float, wavelength_m: float) -> Fl
     return rest_hz - 2.0 * velocity_m_per_s / wavelength_m
 
 
-def _whole(course: _Course) -> Markup:
+def _whole(course: _ShotTimeAxes) -> Markup:
     motion, over = course.shot.motion, course.overlay
     assert motion is not None
     rest = motion.rest_frequency_hz
@@ -87,7 +87,7 @@ def _whole(course: _Course) -> Markup:
     return figure("The shot.", words, plots, _legend(course), 178)
 
 
-def _residuals(course: _Course) -> Markup | None:
+def _residuals(course: _ShotTimeAxes) -> Markup | None:
     shot, over, motion = course.shot, course.overlay, course.shot.motion
     if over is None or shot.fit is None or motion is None:
         return None
@@ -110,7 +110,7 @@ def _residuals(course: _Course) -> Markup | None:
     return figure("Residual.", words, plots, [RESIDUAL, NOISE], 165)
 
 
-def _first_contact(course: _Course) -> Markup:
+def _first_contact(course: _ShotTimeAxes) -> Markup:
     motion, over, span = course.shot.motion, course.overlay, contact_span_ms(course.shot)
     assert motion is not None
     plots = [
@@ -153,7 +153,7 @@ def deflection_of(shot: Shot, overlay: Overlay | None) -> Deflection | None:
     return Deflection((x, y), contact(overlay) if overlay is not None else None, line)
 
 
-def _deflection(course: _Course) -> Markup | None:
+def _deflection(course: _ShotTimeAxes) -> Markup | None:
     shot, found = course.shot, deflection_of(course.shot, course.overlay)
     if found is None or shot.impact is None:
         return None
@@ -163,12 +163,12 @@ def _deflection(course: _Course) -> Markup | None:
     if found.slope is not None:
         legend.append(("slope", f"slope, {shot.impact.stiffness_slope_n_per_m} N/m"))
     noted = (note for note in shot.plot_notes if note.plot == "force vs deflection")
-    remarks = tuple(Remark(1e3 * note.x, note.y, note.text) for note in noted)
+    remarks = tuple(NoteMark(1e3 * note.x, note.y, note.text) for note in noted)
     plot = Plot("deflection of the plate from first touch (mm)", "force (N)", tuple(lines), remarks=remarks)
     return figure("Force against deflection.", "Its slope is close to the stiffness.", [plot], legend, 300)
 
 
-def _gap(course: _Course) -> Markup | None:
+def _gap(course: _ShotTimeAxes) -> Markup | None:
     if course.overlay is None:
         return None
     lines = (Line(course.overlay_ms, 1e6 * course.overlay.gap_m, SIMULATED[0]),)
@@ -180,7 +180,11 @@ def _gap(course: _Course) -> Markup | None:
 
 
 def _over_time(
-    course: _Course, label: str, measured: Floats, simulated: Floats | None, span: tuple[float, float] | None = None
+    course: _ShotTimeAxes,
+    label: str,
+    measured: Floats,
+    simulated: Floats | None,
+    span: tuple[float, float] | None = None,
 ) -> Plot:
     lines = [Line(course.time_ms, measured, MEASURED[0])]
     if simulated is not None:
@@ -189,7 +193,7 @@ def _over_time(
     return Plot(course.time_label, label, tuple(lines), (), (), course.marks, span, remarks=remarks)
 
 
-def _legend(course: _Course) -> list[tuple[str, str]]:
+def _legend(course: _ShotTimeAxes) -> list[tuple[str, str]]:
     return [MEASURED, SIMULATED] if course.overlay is not None else [MEASURED]
 
 

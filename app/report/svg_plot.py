@@ -54,7 +54,7 @@ class Dot:
 
 
 @dataclass(frozen=True, slots=True)
-class Remark:
+class NoteMark:
     """An operator's note at a position in the plot; it is left out if x is outside the axes."""
 
     x: float
@@ -74,7 +74,7 @@ class Plot:
     marks: tuple[float, ...] = field(default=())  # x of vertical lines
     x_span: tuple[float, float] | None = None
     zero_line: bool = False
-    remarks: tuple[Remark, ...] = ()
+    remarks: tuple[NoteMark, ...] = ()
 
 
 def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
@@ -110,7 +110,7 @@ def draw(plot: Plot, *, width: int = WIDTH, height: int = 220) -> Markup:
     return tag("svg", parts, viewBox=f"0 0 {width} {height}", role="img", aria_label=words)
 
 
-def thin_out(x: Floats, y: Floats, left: float, right: float, columns: int) -> tuple[Floats, Floats]:
+def decimate_curve(x: Floats, y: Floats, left: float, right: float, columns: int) -> tuple[Floats, Floats]:
     """Decimate to at most two points per column, the lowest and the highest, so that no peak is lost.
 
     ``x`` (n,) must rise; samples outside [left, right] are left out.  A column without finite values gives NaN.
@@ -180,14 +180,14 @@ class _Frame:
     def line(self, line: Line) -> Markup:
         x, y = np.asarray(line.x, float), np.asarray(line.y, float)
         if x.size and bool(np.all(np.diff(x) > 0)):
-            x, y = thin_out(x, y, self.x_low, self.x_high, self.inner_width)
+            x, y = decimate_curve(x, y, self.x_low, self.x_high, self.inner_width)
             px, py = np.asarray(self.x(x)), np.asarray(self.y(y))
         else:
             px, py = _apart(np.asarray(self.x(x)), np.asarray(self.y(y)))
         return tag("path", class_=line.kind, d=_path(px, np.clip(py, _TOP, self.bottom)))
 
     def band(self, band: Band) -> Markup:
-        x, half = thin_out(band.x, band.half, self.x_low, self.x_high, self.inner_width // 2)
+        x, half = decimate_curve(band.x, band.half, self.x_low, self.x_high, self.inner_width // 2)
         known = np.isfinite(half)
         x, half = x[known], half[known]
         px = np.concatenate([np.asarray(self.x(x)), np.asarray(self.x(x))[::-1]])
@@ -201,7 +201,7 @@ class _Frame:
         title = tag("title", dot.words) if dot.words else Markup()
         return tag("g", bar, tag("circle", class_="dot", cx=px, cy=_r(float(self.y(dot.y))), r=3.5), title)
 
-    def remark(self, remark: Remark) -> Markup:
+    def remark(self, remark: NoteMark) -> Markup:
         px, py = float(self.x(remark.x)), float(self.y(remark.y))
         right, upper = px > self.left + 0.5 * self.inner_width, py < _TOP + 0.5 * self.inner_height
         kind = "remark-left" if right else "remark-right"  # side of the dot on which the text is
@@ -246,7 +246,7 @@ def _span(arrays: list[Floats], more: list[float], spare: float) -> tuple[float,
 
 
 def _apart(px: Floats, py: Floats) -> tuple[Floats, Floats]:
-    """Drop points on the same pixel as their predecessor; used for loops, which ``thin_out`` cannot decimate."""
+    """Drop points on the same pixel as their predecessor; used for loops, which ``decimate_curve`` cannot decimate."""
     cell = np.stack([np.round(px * 1.5), np.round(py * 1.5)])
     with np.errstate(invalid="ignore"):
         keep = np.append(True, np.any(cell[:, 1:] != cell[:, :-1], axis=0)) if px.size else np.zeros(0, bool)

@@ -7,7 +7,7 @@ from typing import Any
 from analysis.collision import Effect, findings
 from analysis.shot import LONGEST, NAMES, UNITS, AnalysisSettings, PlotNote, Shot
 from app.session.verdict_basis import ModelEffects, VerdictBasis, known_effects
-from instrument.files import Checked, shown
+from instrument.files import CheckedTable, shown
 from levimass import DRIVE
 
 
@@ -42,24 +42,24 @@ def entry_to_json(entry: Entry) -> dict[str, Any]:
     }
 
 
-def entry_from_json(item: Checked, unknown: set[str]) -> Entry:
+def entry_from_json(item: CheckedTable, unknown: set[str]) -> Entry:
     """Return an entry from the session file; names unknown to this version are added to ``unknown``."""
 
-    def settings(item: Checked) -> AnalysisSettings:
+    def settings(item: CheckedTable) -> AnalysisSettings:
         chosen = item.object("settings")
         if chosen is None:
-            raise item.refuse("settings", "missing")
-        built = chosen.built(AnalysisSettings, {"corrections": _corrections, "effects": _effects})
+            raise item.error_for("settings", "missing")
+        built = chosen.read_dataclass(AnalysisSettings, {"corrections": _corrections, "effects": _effects})
         unknown.update(chosen.unread())
         return built
 
     if item.get("path") is None:
-        raise item.refuse("path", "missing")
+        raise item.error_for("path", "missing")
 
-    def plot_notes(item: Checked) -> tuple[PlotNote, ...]:
+    def plot_notes(item: CheckedTable) -> tuple[PlotNote, ...]:
         notes = []
         for listed in item.objects("plot_notes") or ():
-            note = listed.built(PlotNote, {"text": _text})
+            note = listed.read_dataclass(PlotNote, {"text": _text})
             unknown.update(listed.unread())
             if note.plot in UNITS:
                 notes.append(note)
@@ -67,7 +67,7 @@ def entry_from_json(item: Checked, unknown: set[str]) -> Entry:
                 unknown.add(f"a note on the plot {shown(note.plot)}")
         return tuple(notes)
 
-    def verdict_of(item: Checked) -> VerdictBasis | None:
+    def verdict_of(item: CheckedTable) -> VerdictBasis | None:
         basis = item.object("verdict_of")
         if basis is None:
             return None
@@ -75,7 +75,7 @@ def entry_from_json(item: Checked, unknown: set[str]) -> Entry:
         base = _base(chosen) if chosen is not None else ""
         keys = basis.names("effects"), basis.names("found")
         effects, found = (known_effects(given, base) for given in keys)
-        built = basis.built(VerdictBasis, {"effects": lambda _: effects, "found": lambda _: found})
+        built = basis.read_dataclass(VerdictBasis, {"effects": lambda _: effects, "found": lambda _: found})
         unknown.update(basis.unread())
         return built if (len(effects), len(found)) == tuple(map(len, keys)) else None
 
@@ -87,7 +87,7 @@ def entry_from_json(item: Checked, unknown: set[str]) -> Entry:
         "name": _name,
         "plot_notes": plot_notes,
     }
-    entry = item.built(Entry, own)
+    entry = item.read_dataclass(Entry, own)
     unknown.update(item.unread())
     return entry
 
@@ -101,7 +101,7 @@ def _basis_to_json(basis: VerdictBasis) -> dict[str, Any]:
     return values | {"effects": keys_of(basis.effects), "found": keys_of(basis.found)}
 
 
-def model_effects(document: Checked) -> ModelEffects:
+def model_effects(document: CheckedTable) -> ModelEffects:
     """Return the effects in the model; a "tried" mark applies to collision and drive effects with the same key."""
     collision = findings(known_effects(document.names("effects"), ""))
     drive = known_effects(document.names("drive_effects"), DRIVE)
@@ -110,27 +110,27 @@ def model_effects(document: Checked) -> ModelEffects:
     return ModelEffects(collision, drive, tuple(effect for key in tried for effect in both if effect.key == key))
 
 
-def _base(settings: Checked) -> str:
+def _base(settings: CheckedTable) -> str:
     return settings.text("model") or AnalysisSettings().model
 
 
-def _effects(settings: Checked) -> tuple[Effect, ...]:
+def _effects(settings: CheckedTable) -> tuple[Effect, ...]:
     return known_effects(settings.names("effects"), _base(settings))
 
 
-def _name(item: Checked) -> str:
+def _name(item: CheckedTable) -> str:
     return item.text("name", 10_000) or ""
 
 
-def _text(item: Checked) -> str:
+def _text(item: CheckedTable) -> str:
     return item.text("text", LONGEST) or ""
 
 
-def _corrections(chosen: Checked) -> tuple[tuple[str, float | None], ...]:
+def _corrections(chosen: CheckedTable) -> tuple[tuple[str, float | None], ...]:
     given = chosen.object("corrections")
     if given is None:
         return ()
     found = tuple((name, given.number(name, -1e3, 1e12)) for name in NAMES if name in given.values)
     if unknown := given.unread():
-        raise given.refuse(next(iter(unknown)), "nothing of the rig is called so")
+        raise given.error_for(next(iter(unknown)), "nothing of the rig is called so")
     return found

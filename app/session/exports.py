@@ -14,7 +14,7 @@ from app.session.session import Session
 from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_report
 from app.session.verdict_basis import Diagnoses
 from app.words import counted
-from instrument.files import PartlySaved
+from instrument.files import SomeShotsNotSaved
 
 
 class Exports:
@@ -87,7 +87,7 @@ class UnsavedShots:
         def work(_: Progress, __: Stop) -> tuple[dict[str, Path], str | None]:
             try:
                 return save(folder), None
-            except PartlySaved as error:
+            except SomeShotsNotSaved as error:
                 return error.saved, str(error)
 
         self._short_jobs.submit("saving elsewhere", work, "save", partial(self._take, folder))

@@ -22,7 +22,7 @@ from app.session.settings_store import SettingsStore
 from app.session.verdict_basis import Diagnosed
 from app.session.workbench import Workbench
 from instrument.capture import CaptureOptions
-from instrument.devices import CaptureSettings, is_bench, pushed
+from instrument.devices import CaptureSettings, is_bench, with_push
 
 PLAN = "plan"  # kind of the planning jobs
 
@@ -77,7 +77,7 @@ class NextShots:
             return
         step, shots, source = next_step(standing), self._workbench.session.shots(found.numbers), self._rig.source
         shot = step.shot
-        wanted = pushed(source, shot.speed_m_per_s, shot.added_mass_kg, len(shots)) if self.sets_rig else source
+        wanted = with_push(source, shot.speed_m_per_s, shot.added_mass_kg, len(shots)) if self.sets_rig else source
 
         def changed(options: CaptureOptions) -> CaptureOptions:
             rate_hz = options.settings.sample_rate_hz if options.settings is not None else None

@@ -9,7 +9,7 @@ from analysis.fitted import awaits_fit
 from analysis.shot import AnalysisSettings, PlotNote, Shot
 from app.session.entry import Entry, entry_from_json, entry_to_json, keys_of, model_effects
 from app.session.verdict_basis import ModelEffects, VerdictBasis
-from instrument.files import Checked, RecordingError, read_json, shown, write_json_atomic
+from instrument.files import CheckedTable, RecordingError, read_json, shown, write_json_atomic
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
@@ -288,9 +288,9 @@ class Session:
         if not path.exists():
             return session
         try:
-            document = Checked(path, read_json(path))
+            document = CheckedTable(path, read_json(path))
             if (schema := document.text("schema", 100)) != SCHEMA:
-                raise document.refuse("schema", f"{shown(schema)} is not {SCHEMA}")
+                raise document.error_for("schema", f"{shown(schema)} is not {SCHEMA}")
             unknown: set[str] = set()
             session._entries = tuple(entry_from_json(item, unknown) for item in document.objects("shots") or ())
             session._next = max((entry.number for entry in session._entries), default=0)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from app.session.session import SCHEMA, Session
-from instrument.files import Checked, FolderLock, FolderLocked, RecordingError, read_json, read_metadata
+from instrument.files import CheckedTable, FolderLock, FolderLocked, RecordingError, read_json, read_metadata
 
 MOST_WINDOWS = 20
 
@@ -111,7 +111,7 @@ def listed_by(sessions: Iterable[Path]) -> set[str]:
     paths: set[str] = set()
     for file in sessions:
         try:
-            document = Checked(file, read_json(file))
+            document = CheckedTable(file, read_json(file))
             shots = document.objects("shots") or ()
             paths.update(path for shot in shots if (path := shot.text("path", 10_000)) is not None)
             left_out = document.get("left_out")

@@ -172,7 +172,7 @@ class Settings(AnalysisChoices):
             if able.max_samples is not None:
                 samples = min(samples, able.max_samples)
             settings = CaptureSettings(rate, samples, min(round(self.pre_trigger_s * rate), samples - 1))
-        knows = source_of(source).knows_its_rig
+        knows = source_of(source).states_setup
         setup = None if knows else replace(self.setup, digitizer_bits=digitizer.capabilities.bits)
         edge = {"rising": Edge.RISING, "falling": Edge.FALLING}.get(self.edge, Edge.EITHER)
         return CaptureOptions(folder, settings, setup, edge, self.switch_low_v, self.switch_high_v)

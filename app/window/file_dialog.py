@@ -8,10 +8,10 @@ from pathlib import Path
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QWidget
 
-Then = Callable[[list[Path]], object]
+OnPaths = Callable[[list[Path]], object]
 
 
-class Want(Enum):
+class PathKind(Enum):
     """The kind of path that a dialog selects."""
 
     FILE = QFileDialog.FileMode.ExistingFile
@@ -20,7 +20,9 @@ class Want(Enum):
     NEW_FILE = QFileDialog.FileMode.AnyFile
 
 
-def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str = "", kinds: str = "") -> QFileDialog:
+def ask(
+    parent: QWidget, title: str, want: PathKind, then: OnPaths, start: Path | str = "", kinds: str = ""
+) -> QFileDialog:
     """Open a file dialog and return at once; ``then`` is called with the selected paths unless it is cancelled.
 
     ``kinds`` are Qt's filters, such as "HTML (*.html);;All files (*)"; a new file gets the ending of the first.  If
@@ -35,16 +37,16 @@ def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str =
     dialog.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)
     dialog.setModal(False)
     dialog.setFileMode(want.value)
-    if want is Want.FOLDER:
+    if want is PathKind.FOLDER:
         dialog.setOption(QFileDialog.Option.ShowDirsOnly)
-    if want is Want.NEW_FILE:
+    if want is PathKind.NEW_FILE:
         dialog.setAcceptMode(QFileDialog.AcceptMode.AcceptSave)
         first = kinds.partition(";;")[0]
         dialog.setDefaultSuffix(first.partition("*.")[2].rstrip(")").partition(" ")[0])
     if kinds:
         dialog.setNameFilters(kinds.split(";;"))
     place = Path(start)
-    if want in (Want.FOLDER, Want.FILES, Want.FILE):
+    if want in (PathKind.FOLDER, PathKind.FILES, PathKind.FILE):
         dialog.setDirectory(str(place))
     elif start:
         dialog.setDirectory(str(place.parent))
@@ -54,7 +56,7 @@ def ask(parent: QWidget, title: str, want: Want, then: Then, start: Path | str =
     return dialog
 
 
-def _hand_on(then: Then, paths: Sequence[str]) -> None:
+def _hand_on(then: OnPaths, paths: Sequence[str]) -> None:
     then([Path(path) for path in paths])
 
 
@@ -70,18 +72,18 @@ class FileDialogs:
         """Get the folder that the next dialog shows first."""
         return self.chosen or self._start()
 
-    def ask(self, title: str, want: Want, then: Callable[[Path], object], name: str = "", kinds: str = "") -> None:
+    def ask(self, title: str, want: PathKind, then: Callable[[Path], object], name: str = "", kinds: str = "") -> None:
         """Open a dialog for one file or folder; ``then`` is called with it; ``name`` is proposed for a new file."""
 
         def chosen(path: Path) -> None:
-            self.chosen = path if want is Want.FOLDER else path.parent
+            self.chosen = path if want is PathKind.FOLDER else path.parent
             then(path)
 
         ask_for_one(self._parent, title, want, chosen, self.folder / name, kinds)
 
 
 def ask_for_one(
-    parent: QWidget, title: str, want: Want, then: Callable[[Path], object], start: Path | str = "", kinds: str = ""
+    parent: QWidget, title: str, want: PathKind, then: Callable[[Path], object], start: Path | str = "", kinds: str = ""
 ) -> None:
     """Open a dialog as ``ask`` does, for one file or folder; ``then`` is called with it."""
     ask(parent, title, want, lambda paths: then(paths[0]), start, kinds)

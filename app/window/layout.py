@@ -32,7 +32,7 @@ from app.window.panels.spectrum import SpectrumPanel
 from app.window.panels.tables import BudgetPanel, PaperPanel
 from app.window.panels.work_line import NoticeList, WorkLine
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.theme import Dressed, Theme
+from app.window.theme import Theme, Themed
 from app.window.widgets import Sheet, vertical
 
 
@@ -61,7 +61,7 @@ class Layout(QWidget):
         self.table = SessionTable(self)
         self.work = WorkLine(self)
         self.tabs = QTabWidget(self)
-        self.tabs.setTabBar(_SteadyBar(self.tabs))
+        self.tabs.setTabBar(_NoWheelTabBar(self.tabs))
         self.tabs.setDocumentMode(True)
         self.tabs.setAccessibleName("Pages")
         # a fixed least width, so that no page widens the window
@@ -79,7 +79,7 @@ class Layout(QWidget):
         self.messages = NoticeList(self.work.notices, self)
         self.tour = Tour(self)
         self._theme = theme
-        self.dress()
+        self.apply_colours()
 
     def _place(self) -> None:
         column = vertical(self, (6, 4, 6, 4), 4)
@@ -114,11 +114,11 @@ class Layout(QWidget):
         column.addWidget(self.work)
 
     @Slot()
-    def dress(self) -> None:
+    def apply_colours(self) -> None:
         """Apply the theme's colours to all widgets that draw themselves."""
         for widget in self.findChildren(QWidget):
-            if isinstance(widget, Dressed):
-                widget.dress(self._theme.colours)
+            if isinstance(widget, Themed):
+                widget.apply_colours(self._theme.colours)
 
     def name_shot(self, number: int | None) -> None:
         """Show the number of the selected shot in the tab SHOT if there is room."""
@@ -150,7 +150,7 @@ class Layout(QWidget):
                 sheet.place()
 
 
-class _SteadyBar(QTabBar):
+class _NoWheelTabBar(QTabBar):
     """A tab bar that ignores the mouse wheel."""
 
     def wheelEvent(self, event: QWheelEvent) -> None:

@@ -43,7 +43,7 @@ from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
 from app.words import counted
 from instrument.capture import FinishedShot, Snapshot, State
-from instrument.devices import Digitizer, at_site
+from instrument.devices import Digitizer, with_site
 from instrument.process import SubprocessAnalysis, SubprocessWorker, open_in_subprocess
 
 PULL_MS = 35
@@ -70,7 +70,7 @@ class MainWindow(QMainWindow):
         self.setWindowTitle("Levimass")
         self.setAcceptDrops(True)
         self.rig, self.workbench, self.theme = rig, workbench, theme
-        self._warned: frozenset[str] = frozenset()  # keys of the losses named at the last attempt to close
+        self._warned_items: frozenset[str] = frozenset()  # keys of the losses named at the last attempt to close
         self.panels = Layout(theme, self)
         self.setCentralWidget(self.panels)
         self.rig_presenter = RigPresenter(rig, store, self.panels, self)
@@ -94,7 +94,7 @@ class MainWindow(QMainWindow):
             workbench.session, self.panels, self.selection_presenter.front, self
         )
         self._connect_presenters(plans)
-        theme.changed.connect(self.panels.dress)
+        theme.changed.connect(self.panels.apply_colours)
         self._start_work(kernels)
         if workbench.session.entries:  # select the last shot at the start
             self.panels.table.select([workbench.session.entries[-1].number])
@@ -156,7 +156,7 @@ class MainWindow(QMainWindow):
         snapshot = self.rig_presenter.refresh()
         for problem in self.log.take_problems():
             self.say(problem, Tone.BAD)
-        self._warned &= frozenset(self._at_stake(snapshot))  # the same name later means another shot
+        self._warned_items &= frozenset(self._unsaved_items(snapshot))  # the same name later means another shot
         self.session_presenter.refresh(snapshot.doing, snapshot.progress)
         self.selection_presenter.refresh()
         self.plot_notes_presenter.refresh()
@@ -184,7 +184,7 @@ class MainWindow(QMainWindow):
         note(words)
         self.panels.work.notices.say(words, tone)
 
-    def _at_stake(self, snapshot: Snapshot) -> dict[str, str]:
+    def _unsaved_items(self, snapshot: Snapshot) -> dict[str, str]:
         """Return what closing now would lose: a sentence for each item's key."""
         found = {}
         for name in snapshot.unsaved:
@@ -241,9 +241,9 @@ class MainWindow(QMainWindow):
 
     def closeEvent(self, event: QCloseEvent) -> None:
         """End all threads and close; if something would be lost, warn first and close at the second attempt."""
-        at_stake = self._at_stake(self.rig.latest())
-        if not at_stake.keys() <= self._warned:
-            self._warned = frozenset(at_stake)
+        at_stake = self._unsaved_items(self.rig.latest())
+        if not at_stake.keys() <= self._warned_items:
+            self._warned_items = frozenset(at_stake)
             words = dict.fromkeys(at_stake.values())
             self.say(f"{'; '.join(words)}. Close again to quit anyway", Tone.BAD)
             event.ignore()
@@ -280,7 +280,7 @@ def open_window(
     kernels = Kernels(analyst, helper)
 
     def opened(source: str) -> Digitizer:
-        return open_in_subprocess(at_site(source, site or store.settings.site))
+        return open_in_subprocess(with_site(source, site or store.settings.site))
 
     session = last_session(store.settings.session, folder)
 

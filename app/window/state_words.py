@@ -8,9 +8,9 @@ from analysis.collision import Effect
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Quantity, Role
 from analysis.uncertainty import combined_of, stated
 from app.session import Entry
-from app.window.panels.rig import Sign
+from app.window.panels.rig import TileText
 from app.window.theme import MARKS, Tone
-from app.words import MILD_FLAGS, VERDICTS, flag_words, joined, local, number, size_words, tag, value_text
+from app.words import MILD_FLAGS, VERDICTS, flag_words, joined, localised_number, number, size_words, tag, value_text
 from instrument.capture import KEPT_IN_MEMORY, SignalLine, Snapshot, State
 from instrument.live import ChannelSignal
 from instrument.trigger import Level
@@ -95,9 +95,9 @@ def _sentences(*parts: str) -> str:
     return " ".join(part[0].upper() + part[1:] + ("" if part.endswith((".", "!", "?")) else ".") for part in sentences)
 
 
-def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[str, Sign]:
+def tile_texts(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[str, TileText]:
     """Return the text of each tile of the signal line."""
-    found = {"pd0": Sign("–", Tone.NEUTRAL), "pd1": Sign("–", Tone.NEUTRAL)}
+    found = {"pd0": TileText("–", Tone.NEUTRAL), "pd1": TileText("–", Tone.NEUTRAL)}
     moves = False
     rest_hz = next((c.frequency_hz for c in line.channels if c.role is Role.REFERENCE), None)
     for channel in line.channels:
@@ -107,35 +107,35 @@ def signs(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[
             found["pd1"] = _beat(channel)
             moves = moving = rest_hz is not None and abs((channel.frequency_hz or rest_hz) - rest_hz) > MOVING_HZ
             if moving and channel.clipped_fraction <= CLIPPED_SHARE:
-                words = local(f"{1e-6 * (channel.frequency_hz or 0.0):.5f} MHz  moving")
-                found["pd1"] = Sign(words, Tone.NEUTRAL, AT_REST)
+                words = localised_number(f"{1e-6 * (channel.frequency_hz or 0.0):.5f} MHz  moving")
+                found["pd1"] = TileText(words, Tone.NEUTRAL, AT_REST)
     found["switch"] = _switch(line)
     # a sweeping beat is spread over the spectrum, so that the noise beside it cannot be measured
-    found["floor"] = Sign("–", Tone.NEUTRAL, AT_REST) if moves else _floor(line, rate_hz, bandwidth_hz)
+    found["floor"] = TileText("–", Tone.NEUTRAL, AT_REST) if moves else _floor(line, rate_hz, bandwidth_hz)
     found["disk"] = _disk(line)
     return found
 
 
-def _beat(channel: ChannelSignal) -> Sign:
+def _beat(channel: ChannelSignal) -> TileText:
     if channel.frequency_hz is None or channel.snr_db is None:
-        return Sign("no beat", Tone.BAD, "No beat above the noise: check laser, alignment and cable")
-    words = local(f"{1e-6 * channel.frequency_hz:.5f} MHz  {channel.snr_db:.0f} dB")
+        return TileText("no beat", Tone.BAD, "No beat above the noise: check laser, alignment and cable")
+    words = localised_number(f"{1e-6 * channel.frequency_hz:.5f} MHz  {channel.snr_db:.0f} dB")
     if channel.clipped_fraction > CLIPPED_SHARE:
-        return Sign(
+        return TileText(
             f"{words}", Tone.WARNING, f"Clipped: {100 * channel.clipped_fraction:.2g} % of samples at the range limit"
         )
     if channel.snr_db < POOR_SNR_DB:
-        return Sign(words, Tone.BAD, "Too weak for a clean shot: align the beams")
+        return TileText(words, Tone.BAD, "Too weak for a clean shot: align the beams")
     if channel.snr_db < GOOD_SNR_DB:
-        return Sign(words, Tone.WARNING, "Weak: the noise of velocity and force will be high")
-    return Sign(words, Tone.GOOD, f"Strong enough; amplitude {number(channel.amplitude_v, 3)} V")
+        return TileText(words, Tone.WARNING, "Weak: the noise of velocity and force will be high")
+    return TileText(words, Tone.GOOD, f"Strong enough; amplitude {number(channel.amplitude_v, 3)} V")
 
 
-def _switch(line: SignalLine) -> Sign:
+def _switch(line: SignalLine) -> TileText:
     words = {Level.LOW: "low", Level.HIGH: "high"}.get(line.switch_level, "–")
     if line.switch_toggles:
-        return Sign(words, Tone.GOOD, f"Toggled {line.switch_toggles} times")
-    return Sign(words, Tone.NEUTRAL, "Has not toggled yet: pass the block through it once")
+        return TileText(words, Tone.GOOD, f"Toggled {line.switch_toggles} times")
+    return TileText(words, Tone.NEUTRAL, "Has not toggled yet: pass the block through it once")
 
 
 def velocity_floor_m_per_s(line: SignalLine, rate_hz: float, bandwidth_hz: float) -> float | None:
@@ -156,22 +156,22 @@ def velocity_floor_m_per_s(line: SignalLine, rate_hz: float, bandwidth_hz: float
     return 0.5 * DEFAULT_WAVELENGTH_AIR_M * math.sqrt(density * bandwidth_hz**3 / 3.0)
 
 
-def _floor(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> Sign:
+def _floor(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> TileText:
     floor = velocity_floor_m_per_s(line, rate_hz, bandwidth_hz) if rate_hz else None
     if floor is None:
-        return Sign("–", Tone.NEUTRAL)
+        return TileText("–", Tone.NEUTRAL)
     words = f"{number(1e6 * floor, 2)} µm/s at {number(1e-3 * bandwidth_hz, 3)} kHz"
-    return Sign(words, Tone.NEUTRAL, "Standard deviation of velocity due to the noise of both beats")
+    return TileText(words, Tone.NEUTRAL, "Standard deviation of velocity due to the noise of both beats")
 
 
-def _disk(line: SignalLine) -> Sign:
+def _disk(line: SignalLine) -> TileText:
     if line.folder_problem:
-        return Sign("cannot save", Tone.BAD, line.folder_problem)
+        return TileText("cannot save", Tone.BAD, line.folder_problem)
     if line.disk_free_bytes is None:
-        return Sign("–", Tone.NEUTRAL)
+        return TileText("–", Tone.NEUTRAL)
     tone = Tone.GOOD if line.disk_free_bytes > FULL_DISK_BYTES else Tone.BAD
     hover = "Room on the disk of the folder" if tone is Tone.GOOD else "Nearly full: choose another folder (F2)"
-    return Sign(f"{size_words(line.disk_free_bytes)} free", tone, hover)
+    return TileText(f"{size_words(line.disk_free_bytes)} free", tone, hover)
 
 
 def flag_tone(flag: str) -> Tone:

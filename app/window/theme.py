@@ -249,12 +249,12 @@ QProgressBar::chunk { background: $band; border-radius: 3px; }
 """)
 
 
-class Dressed:
+class Themed:
     """Mixin of widgets that paint themselves in the theme's colours instead of using the style sheet."""
 
     colours = LIGHT
 
-    def dress(self, colours: Colours) -> None:
+    def apply_colours(self, colours: Colours) -> None:
         """Set the colours in which the widget draws."""
         self.colours = colours
 

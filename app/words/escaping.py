@@ -5,7 +5,7 @@ from typing import Any, TextIO
 _FORMULA = ("=", "+", "-", "@")  # first characters of a formula
 
 
-def plain(text: str) -> str:
+def escape_controls(text: str) -> str:
     """Return text with control characters escaped (``\\x1b``), except line ends and tabs."""
     if text.isprintable():
         return text
@@ -13,8 +13,8 @@ def plain(text: str) -> str:
 
 
 def cell(text: str) -> str:
-    """Return text for a spreadsheet cell: escaped as by ``plain``, with an apostrophe before a formula."""
-    shown = plain(text)
+    """Return text for a spreadsheet cell: escaped as by ``escape_controls``, with an apostrophe before a formula."""
+    shown = escape_controls(text)
     if not shown.lstrip().startswith(_FORMULA) or _is_number(shown):
         return shown
     return f"'{shown}"
@@ -28,15 +28,15 @@ def _is_number(text: str) -> bool:
     return "_" not in text
 
 
-class PlainStream:
-    """A text stream that escapes all text as ``plain`` does; ``bare`` is the underlying stream."""
+class EscapingStream:
+    """A text stream that escapes all text as ``escape_controls`` does; ``bare`` is the underlying stream."""
 
     def __init__(self, bare: TextIO) -> None:
         self.bare = bare
 
     def write(self, text: str) -> int:
         """Write ``text`` escaped; return the length of the original text."""
-        self.bare.write(plain(text))
+        self.bare.write(escape_controls(text))
         return len(text)
 
     def __getattr__(self, name: str) -> Any:

@@ -93,13 +93,13 @@ def flag_name(flag: str) -> str:
     return _NAMES.get(flag, flag.replace("_", " "))
 
 
-def by_weight(flags: Iterable[str]) -> list[str]:
+def by_severity(flags: Iterable[str]) -> list[str]:
     """Return the flags, with those that cast doubt on a number first."""
     return sorted(flags, key=lambda flag: flag in MILD_FLAGS)
 
 
 def flags_in_short(flags: Iterable[str]) -> str:
     """Return the most serious flag and the number of others, like "clipped + 2"; "" for none."""
-    ordered = by_weight(flags)
+    ordered = by_severity(flags)
     more = f" + {len(ordered) - 1}" if len(ordered) > 1 else ""
     return flag_name(ordered[0]) + more if ordered else ""

@@ -17,13 +17,13 @@ NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
 LONGEST_NAME = 24  # most characters of a shot's name in a list of names
 
 
-def local(text: str) -> str:
+def localised_number(text: str) -> str:
     """Convert the text of a number with "." to the system's decimal format."""
     point = QLocale().decimalPoint()
     return text if point == "." else text.replace(".", point)
 
 
-def local_words(text: str) -> str:
+def localised_text(text: str) -> str:
     """Convert a sentence for the window: system's decimal sign, short exponents, "Coulomb", "Stribeck", "→"."""
     plain = re.sub(r"(?<![\w.)])(\d+(?:\.\d+)?)e\+?0*([0-6])\b", lambda m: f"{float(m[0]):.0f}", text)
     plain = re.sub(r"(?<=\d)e([+-])0?(\d+)", lambda found: f"e{found[1].replace('+', '')}{found[2]}", plain)
@@ -39,17 +39,17 @@ def number(value: float | None, digits: int = 4) -> str:
     text = f"{value + 0.0:.{digits}g}"  # + 0.0 avoids "-0"
     mantissa, exponent, power = text.partition("e")
     if not exponent:
-        return local(text)
+        return localised_number(text)
     if 0 < int(power) < 7:  # 14900, not 1.49e+04
-        return local(f"{float(text):.0f}")
-    return local(f"{mantissa}e{int(power)}")
+        return localised_number(f"{float(text):.0f}")
+    return localised_number(f"{mantissa}e{int(power)}")
 
 
 def value_text(reading: Reading | None, scale: float = 1.0) -> str:
     """Return "value ± std", both multiplied by ``scale``, or a dash."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
         return DASH
-    return local(str(reading.scaled(scale)))
+    return localised_number(str(reading.scaled(scale)))
 
 
 def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
@@ -58,15 +58,15 @@ def concise_text(reading: Reading | None, scale: float = 1.0) -> str:
         return DASH
     value, std = reading.value * scale, reading.std * abs(scale)
     if not (math.isfinite(std) and std > 0):
-        return local(f"{value:.6g}")
+        return localised_number(f"{value:.6g}")
     decimals = 1 - math.floor(math.log10(std))
     if decimals <= 0 or decimals > 12:
         return value_text(reading, scale)
     digits = round(std * 10**decimals)
-    return local(f"{value:.{decimals}f}({digits})")
+    return localised_number(f"{value:.{decimals}f}({digits})")
 
 
-def how_text(
+def reading_tooltip(
     name: str, reading: Reading | None, meaning: str = "", std: str = "± is the standard uncertainty."
 ) -> Markup:
     """Return the tooltip of a number: meaning, how it was read or why not; ``std`` is a sentence that explains ±."""
@@ -93,7 +93,7 @@ def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
     base, _, shot = name.partition(".")
     words, unit = words_and_unit(base) if unit is None else (base, unit)
     which = f" of shot {shot}" if shot else ""
-    return f"{words}{which} {local(value.in_a_sentence())} {unit}".rstrip()
+    return f"{words}{which} {localised_number(value.in_a_sentence())} {unit}".rstrip()
 
 
 def unbroken(words: str) -> str:
@@ -118,10 +118,10 @@ def size_words(size_bytes: float) -> str:
         if size_bytes < 1000:
             return f"{size_bytes:.0f} {unit}"
         size_bytes /= 1000
-    return local(f"{size_bytes:.1f} TB")
+    return localised_number(f"{size_bytes:.1f} TB")
 
 
-def kept_words(version: str) -> str:
+def cached_words(version: str) -> str:
     """Return "cached result" with the version of the program that made it."""
     return f"cached result, version {version}"
 

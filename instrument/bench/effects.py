@@ -23,7 +23,7 @@ TWO_PI = 2 * math.pi
 class Parameter:
     """One parameter of an effect: usual range (drawn logarithmically), free sign or not, and index in forces.py.
 
-    ``slot`` None: the parameter belongs to no force, see observation.py.
+    ``slot`` None: the parameter belongs to no force, see measured_path.py.
     """
 
     low: float
@@ -90,7 +90,7 @@ CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
 }
 
 # effects of the catalogue with further parameters; never drawn at random
-WIDER: Mapping[str, Mapping[str, Parameter]] = {
+EXTENDED_EFFECTS: Mapping[str, Mapping[str, Parameter]] = {
     "frame_vibration_with_plate": {**CATALOGUE["frame_vibration"], "plate_factor": _p(0.2, 1.0, scales=False)},
 }
 
@@ -121,7 +121,7 @@ OFF_CATALOGUE: Mapping[str, Mapping[str, Parameter]] = {
     },
 }
 
-ALL: Mapping[str, Mapping[str, Parameter]] = {**CATALOGUE, **WIDER, **OFF_CATALOGUE}
+ALL: Mapping[str, Mapping[str, Parameter]] = {**CATALOGUE, **EXTENDED_EFFECTS, **OFF_CATALOGUE}
 
 PER_SHOT = {
     "plate_motion": ("velocity_m_per_s", "displacement_m"),

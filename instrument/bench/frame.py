@@ -102,7 +102,7 @@ class Frame:
         turning = self.sines.amplitude_m * answer * np.exp(1j * self.sines.phase)
         return float(turning.imag.sum()), float((w * turning).real.sum())
 
-    def knocked(self, release_s: float, shot: int) -> "Frame":
+    def with_knocks(self, release_s: float, shot: int) -> "Frame":
         """Return the frame with the knocks of shot number ``shot``, whose block is released at ``release_s``."""
         random = np.random.default_rng((self.seed, shot, 0x6B))
         ringing = []

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from instrument.bench.effects import Effects
 from instrument.bench.frame import Frame
+from instrument.bench.measured_path import measured_path, simulate_collision
 from instrument.bench.mechanics import Bodies, Trajectory
-from instrument.bench.observation import observed, run_shot
 from instrument.bench.sines import interpolate_with_slope
 
 Floats = NDArray[np.float64]
 
-HOME_M = 30e-3  # distance from the plate at which the hand holds the block
+HOLD_M = 30e-3  # distance from the plate at which the hand holds the block
 RELEASE_M = 12e-3  # distance from the plate at which the hand releases the block
 CATCH_S, RETURN_S = 0.1, 0.5
 AFTER_S = 0.19  # free flight after the collision
@@ -48,26 +48,28 @@ class PushedShot:
 
 def push_duration_s(velocity_m_per_s: float) -> float:
     """Return the time in s from the start of the push to the release."""
-    return 2.0 * (HOME_M - RELEASE_M) / abs(velocity_m_per_s)
+    return 2.0 * (HOLD_M - RELEASE_M) / abs(velocity_m_per_s)
 
 
-def push_block(start_s: float, velocity_m_per_s: float, effects: Effects, bodies: Bodies, frame: Frame) -> PushedShot:
+def simulate_push(
+    start_s: float, velocity_m_per_s: float, effects: Effects, bodies: Bodies, frame: Frame
+) -> PushedShot:
     """Simulate a shot whose push starts at ``start_s``; the frame, on the stream's clock, carries the plate."""
     u = np.linspace(0.0, 1.0, _NODES)
     step, slope, area = u**3 * (10 + u * (6 * u - 15)), 30 * u**2 * (1 - u) ** 2, u**4 * (2.5 + u * (u - 3))
     pushing = push_duration_s(velocity_m_per_s)
-    push_x, push_v = HOME_M + velocity_m_per_s * pushing * area, velocity_m_per_s * step
+    push_x, push_v = HOLD_M + velocity_m_per_s * pushing * area, velocity_m_per_s * step
     free = RELEASE_M / abs(velocity_m_per_s) + 0.03 + AFTER_S
     release = start_s + pushing
-    trajectory = run_shot(velocity_m_per_s, effects, bodies, RELEASE_M, free, frame.from_time(release))
+    trajectory = simulate_collision(velocity_m_per_s, effects, bodies, RELEASE_M, free, frame.from_time(release))
     flight_t = trajectory.time_s
     frame_x, frame_v = frame.motion(release + flight_t)
     block_x = trajectory.block_m(flight_t) + frame_x
     block_v = trajectory.block_velocity_m_per_s(flight_t) + frame_v
-    flight_x, flight_v = observed(trajectory, effects, flight_t)
+    flight_x, flight_v = measured_path(trajectory, effects, flight_t)
     flight_x, flight_v = flight_x - flight_x[0] + RELEASE_M + frame_x - frame_x[0], flight_v + frame_v
     catch_x, catch_v = block_x[-1] + block_v[-1] * CATCH_S * (u - area), block_v[-1] * (1 - step)
-    way = HOME_M - catch_x[-1]
+    way = HOLD_M - catch_x[-1]
     hand_x = np.concatenate((catch_x[1:], catch_x[-1] + way * step[1:]))
     hand_v = np.concatenate((catch_v[1:], way * slope[1:] / RETURN_S))
     gained = float(flight_x[-1] - block_x[-1])  # optical minus block position, returned to zero on the way back
@@ -102,7 +104,7 @@ def next_push_time_s(time_s: float) -> float:
     return math.ceil(time_s * _TREMOR_HZ - 1e-9) / _TREMOR_HZ
 
 
-def hand_motion(time_s: Floats) -> tuple[Floats, Floats]:
+def held_block_motion(time_s: Floats) -> tuple[Floats, Floats]:
     """Return position and velocity of the block held in the trembling hand."""
     omega = 2 * math.pi * _TREMOR_HZ
-    return HOME_M + 0.5 * _TREMOR_M * (1 - np.cos(omega * time_s)), 0.5 * _TREMOR_M * omega * np.sin(omega * time_s)
+    return HOLD_M + 0.5 * _TREMOR_M * (1 - np.cos(omega * time_s)), 0.5 * _TREMOR_M * omega * np.sin(omega * time_s)

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from analysis.shot import Setup
 from instrument.bench.effects import Effects, complete, effects_of_shot
 from instrument.bench.frame import frame_of
+from instrument.bench.measured_path import with_cyclic_error
 from instrument.bench.mechanics import Bodies
-from instrument.bench.observation import with_leak
 from instrument.bench.optics import FLIGHT_NODES_S, HELD_NODES_S, Optics, Path, fill, node_times_s
-from instrument.bench.push import PushedShot, hand_motion, next_push_time_s, push_block, push_duration_s
+from instrument.bench.push import PushedShot, held_block_motion, next_push_time_s, push_duration_s, simulate_push
 from instrument.bench.sines import path_vibration
 from instrument.bench.site import QUIET, Site
 
@@ -40,7 +40,7 @@ class Bench:
             raise ValueError(f"weights of {self.added_kg} kg on the block: 0 to 1 kg can be simulated")
 
     @property
-    def loaded_bodies(self) -> Bodies:
+    def bodies_with_weights(self) -> Bodies:
         """Get the bodies, with the added weights included in the block's mass."""
         return replace(self.bodies, block_mass_kg=self.bodies.block_mass_kg + self.added_kg)
 
@@ -48,7 +48,7 @@ class Bench:
     def setup(self) -> Setup:
         """Get the set-up as known to an operator, without the effects."""
         return Setup(
-            moving_mass_kg=self.loaded_bodies.block_mass_kg,
+            moving_mass_kg=self.bodies_with_weights.block_mass_kg,
             moving_mass_u_kg=1e-6,
             wavelength_air_m=self.optics.wavelength_m,
             rest_frequency_hz=None if self.optics.with_reference else self.optics.rest_frequency_hz,
@@ -63,7 +63,7 @@ class SimulatedStream:
         """Begin the stream; its first push is number ``first_shot`` of the seed's sequence."""
         self._rig = rig
         self._rate_hz = sample_rate_hz
-        self._optics = with_leak(rig.optics, rig.effects)
+        self._optics = with_cyclic_error(rig.optics, rig.effects)
         self._effects = complete(rig.effects)
         self._floor = path_vibration(rig.floor_m, rig.seed)
         self._frame = frame_of(rig.site, rig.seed)
@@ -78,15 +78,15 @@ class SimulatedStream:
         effects = effects_of_shot(self._effects, self.shots, rig.seed)
         free_from_s = self._pushed[-1].end_s if self._pushed else 0.0
         start_s = next_push_time_s(max(time_s, free_from_s))
-        self._frame = self._frame.knocked(start_s + push_duration_s(speed), self.shots)
-        pushed = push_block(start_s, -speed, effects, rig.loaded_bodies, self._frame)
+        self._frame = self._frame.with_knocks(start_s + push_duration_s(speed), self.shots)
+        pushed = simulate_push(start_s, -speed, effects, rig.bodies_with_weights, self._frame)
         self.shots += 1
         self._pushed = [*self._pushed[-1:], pushed]  # older shots are over, as the stream only goes forward
         return pushed
 
     def path(self, time_s: Floats) -> Path:
         """Return the path, relative to the frame, at ascending times of equal spacing (s)."""
-        x, v = hand_motion(time_s)
+        x, v = held_block_motion(time_s)
         block = x.copy()
         for pushed in self._pushed:
             a, b = np.searchsorted(time_s, (pushed.start_s, pushed.end_s))

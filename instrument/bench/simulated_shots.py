@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from analysis.shot import Recording
 from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE, Effects, complete, draw, effects_of_shot
 from instrument.bench.frame import Frame, frame_of
+from instrument.bench.measured_path import measured_path, simulate_collision, with_cyclic_error
 from instrument.bench.mechanics import Trajectory
-from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Path as LightPath
 from instrument.bench.optics import fill, node_times_s
 from instrument.bench.rig import Bench
@@ -107,8 +107,10 @@ def simulate_shot(rig: Bench, index: int, speed_m_per_s: float, duration_s: floa
     effects = effects_of_shot(complete(rig.effects), index, rig.seed)
     distance = max(speed_m_per_s * BEFORE_TOUCH_S, rig.optics.switch_m + 1e-3)
     seed = int(np.random.default_rng((rig.seed, index, 0xC)).integers(2**62))
-    frame = frame_of(rig.site, seed).knocked(0.0, index)
-    trajectory = run_shot(-speed_m_per_s, effects, rig.loaded_bodies, distance, duration_s + 1e-4, frame)
+    frame = frame_of(rig.site, seed).with_knocks(0.0, index)
+    trajectory = simulate_collision(
+        -speed_m_per_s, effects, rig.bodies_with_weights, distance, duration_s + 1e-4, frame
+    )
     return SimulatedShot(trajectory, frame, effects, seed)
 
 
@@ -121,10 +123,10 @@ def record_shot(
 
 
 def recording_of(rig: Bench, index: int, played: SimulatedShot, sample_rate_hz: float, duration_s: float) -> Recording:
-    optics = with_leak(rig.optics, played.effects)
+    optics = with_cyclic_error(rig.optics, played.effects)
     samples = round(duration_s * sample_rate_hz)
     time_s = node_times_s(0, samples, sample_rate_hz)
-    x, v = observed(played.trajectory, played.effects, time_s)
+    x, v = measured_path(played.trajectory, played.effects, time_s)
     shake_x, shake_v = path_vibration(rig.floor_m, played.seed).motion(time_s)
     block = played.trajectory.block_m(time_s)
     counts: NDArray[np.int16] = np.empty((samples, len(optics.channels)), np.int16)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from instrument.files import Checked, RecordingError, read_toml, shown
+from instrument.files import CheckedTable, RecordingError, read_toml, shown
 
 Part = TypeVar("Part")
 LEVELS_M_PER_S: Mapping[str, float] = {
@@ -120,44 +120,44 @@ def _of_criterion(name: str) -> Site:
 
 def _read(path: Path) -> Site:
     try:
-        return _described(Checked(path, read_toml(path)))
+        return _described(CheckedTable(path, read_toml(path)))
     except RecordingError as error:
         raise ValueError(str(error)) from None
     except ValueError as error:  # a value that cannot be simulated
         raise ValueError(f"{path}: {error}") from None
 
 
-def _described(whole: Checked) -> Site:
+def _described(whole: CheckedTable) -> Site:
     name = whole.text("name") or whole.path.stem
     level = whole.number("third_octave_m_per_s", -math.inf, math.inf) or 0.0
     criterion = whole.text("criterion")
     if criterion is not None:
         if criterion not in LEVELS_M_PER_S or "third_octave_m_per_s" in whole.values:
-            raise whole.refuse("criterion", f"is one of {', '.join(LEVELS_M_PER_S)}, without third_octave_m_per_s")
+            raise whole.error_for("criterion", f"is one of {', '.join(LEVELS_M_PER_S)}, without third_octave_m_per_s")
         level = LEVELS_M_PER_S[criterion]
-    lines = tuple(_all_read(table, table.built(Line)) for table in whole.objects("line") or ())
-    knocks = tuple(_all_read(table, table.built(Knock)) for table in whole.objects("knock") or ())
+    lines = tuple(_refuse_unknown_keys(table, table.read_dataclass(Line)) for table in whole.objects("line") or ())
+    knocks = tuple(_refuse_unknown_keys(table, table.read_dataclass(Knock)) for table in whole.objects("knock") or ())
     table = whole.object("spectrum")
-    spectrum = () if table is None else _all_read(table, _spectrum(table))
-    return _all_read(whole, Site(name, level, lines, knocks, spectrum))
+    spectrum = () if table is None else _refuse_unknown_keys(table, _spectrum(table))
+    return _refuse_unknown_keys(whole, Site(name, level, lines, knocks, spectrum))
 
 
-def _all_read(table: Checked, part: Part) -> Part:
+def _refuse_unknown_keys(table: CheckedTable, part: Part) -> Part:
     """Return ``part``, which was read from ``table``; raise RecordingError if the table has an unknown key."""
     for key in table.unread():
-        raise table.refuse(key, f"is none of {', '.join(sorted(table.used))}")
+        raise table.error_for(key, f"is none of {', '.join(sorted(table.used))}")
     return part
 
 
-def _spectrum(table: Checked) -> tuple[tuple[float, float], ...]:
+def _spectrum(table: CheckedTable) -> tuple[tuple[float, float], ...]:
     columns = []
     for key in ("frequency_hz", "acceleration_m_per_s2_per_sqrt_hz"):
         values = table.get(key)
         if not isinstance(values, list):
-            raise table.refuse(key, "a list of numbers is needed")
-        listed = Checked(table.path, {f"{key}[{n}]": value for n, value in enumerate(values)}, table.place)
+            raise table.error_for(key, "a list of numbers is needed")
+        listed = CheckedTable(table.path, {f"{key}[{n}]": value for n, value in enumerate(values)}, table.place)
         columns.append([listed.required(place, -math.inf, math.inf) for place in listed.values])
     frequencies, densities = columns
     if len(frequencies) != len(densities) or not frequencies:
-        raise table.refuse("frequency_hz", f"{len(frequencies)} frequencies and {len(densities)} densities")
+        raise table.error_for("frequency_hz", f"{len(frequencies)} frequencies and {len(densities)} densities")
     return tuple(zip(frequencies, densities, strict=True))

@@ -9,7 +9,7 @@ from analysis.shot import Shot
 from instrument.capture.analysis_thread import AnalysisThread, Done, ShotAnalysis
 from instrument.capture.recorder import Recorded, save_elsewhere
 from instrument.capture.snapshot import FinishedShot, WaitingShot
-from instrument.files import PartlySaved, RecordingError
+from instrument.files import RecordingError, SomeShotsNotSaved
 
 SHOTS_IN_SNAPSHOT = 16  # the newest ones; a reader that needs more must keep them
 ABORTED = "aborted"
@@ -67,14 +67,14 @@ class FinishedShots:
             self.newest = tuple(replace(done, shot=shot) if done.index == index else done for done in self.newest)
 
     def save_pending(self, folder: Path) -> list[Path]:
-        """Save the shots that are only in memory.  Raises PartlySaved at the first that cannot be saved."""
+        """Save the shots that are only in memory.  Raises SomeShotsNotSaved at the first that cannot be saved."""
         saved: dict[str, Path] = {}
         with self._saving:
             for name, recorded in list(self._unsaved.items()):
                 try:
                     saved[name] = save_elsewhere(recorded.recording, folder)
                 except RecordingError as error:
-                    raise PartlySaved(error, saved) from error
+                    raise SomeShotsNotSaved(error, saved) from error
                 del self._unsaved[name]
                 if recorded.partial is not None:
                     recorded.partial.abandon()

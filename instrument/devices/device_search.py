@@ -45,7 +45,7 @@ def udev_instructions() -> str:
 
 def found_devices(backend: Any = None) -> tuple[FoundDevice, ...]:
     """Return the digitizers plugged in, without opening any.  Raises DigitizerError if the USB library is missing."""
-    finders = [sources.imported(source.finder) for source in sources.SOURCES if source.finder]
+    finders = [sources.import_function(source.finder) for source in sources.SOURCES if source.finder]
     return tuple(device for find in finders for device in find(backend))
 
 
@@ -55,9 +55,9 @@ def hantek6022(backend: Any) -> list[FoundDevice]:
     from instrument.devices import usb_bus
 
     found = []
-    for device in usb_bus.find_devices(firmware.COLD_IDS | firmware.WARM_IDS, backend):
+    for device in usb_bus.find_devices(firmware.IDS_WITHOUT_FIRMWARE | firmware.IDS_WITH_FIRMWARE, backend):
         problem, remedy = _permission(device)
-        if not problem and (device.idVendor, device.idProduct) in firmware.COLD_IDS:
+        if not problem and (device.idVendor, device.idProduct) in firmware.IDS_WITHOUT_FIRMWARE:
             try:
                 firmware.find_firmware(device.idProduct)
             except DigitizerError as error:

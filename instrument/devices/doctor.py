@@ -36,7 +36,7 @@ class Check:
     line: str
 
 
-def examine(folder: Path, backend: Any = None) -> tuple[Check, ...]:
+def check_computer(folder: Path, backend: Any = None) -> tuple[Check, ...]:
     """Run all checks; ``folder`` is the intended folder of recordings.  Never raises."""
     checks: list[Check] = []
     parts: tuple[tuple[str, Callable[[], list[Check]]], ...] = (

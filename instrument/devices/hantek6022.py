@@ -22,7 +22,7 @@ from instrument.devices import usb_bus
 from instrument.devices.bulk_stream import BulkStream
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.source_options import SourceOptions, assumed_rig
-from instrument.devices.streamed_codes import LASTING_STEP_S, StreamedCodes
+from instrument.devices.streamed_codes import LONG_STEP_S, StreamedCodes
 
 NAME = "Hantek 6022"
 ENDPOINT = 0x86
@@ -86,7 +86,7 @@ class Hantek6022(Digitizer):
             max_samples=None,
             hardware_trigger=False,
             real_time=True,
-            unseen_loss_s=LASTING_STEP_S if self._reference_column is None else 0.0,
+            unseen_loss_s=LONG_STEP_S if self._reference_column is None else 0.0,
         )
 
     @property
@@ -177,26 +177,26 @@ class Hantek6022(Digitizer):
 
     def _open(self) -> None:
         backend = self._backend if self._backend is not None else usb_bus.find_backend()
-        warm = usb_bus.find_devices(firmware_files.WARM_IDS, backend)
+        warm = usb_bus.find_devices(firmware_files.IDS_WITH_FIRMWARE, backend)
         if warm:
             device = warm[0]
         else:
-            cold = usb_bus.find_devices(firmware_files.COLD_IDS, backend)
+            cold = usb_bus.find_devices(firmware_files.IDS_WITHOUT_FIRMWARE, backend)
             if not cold:
                 raise DigitizerError(f"no {NAME} is plugged in", "plug it in and try again")
-            device = self._awaken(cold[0], backend)
+            device = self._load_firmware(cold[0], backend)
         usb_bus.claim(device, 0, NAME)
         self._device = device
         sigrok = (device.idVendor, device.idProduct) == firmware_files.SIGROK_ID
         self._rates = _RATES_SIGROK if sigrok else _RATES_OPENHANTEK
         self._eeprom = self._read_eeprom()
 
-    def _awaken(self, device: Any, backend: Any) -> Any:
+    def _load_firmware(self, device: Any, backend: Any) -> Any:
         path = self._firmware or firmware_files.find_firmware(device.idProduct)
         segments = firmware_files.read_firmware(path)
         usb_bus.claim(device, 0, NAME)
         firmware_files.load_firmware(device, segments, NAME)
-        return firmware_files.wait_for_warm(backend)
+        return firmware_files.wait_for_firmware(backend)
 
     def _read_eeprom(self) -> bytes:
         try:

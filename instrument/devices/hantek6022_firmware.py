@@ -50,10 +50,10 @@ FOLDERS = firmware_folders(sys.platform, os.environ, Path.home())
 FILES = {0x6022: "fx2lafw-hantek-6022be.fw", 0x602A: "fx2lafw-hantek-6022bl.fw", 0x2020: "fx2lafw-hantek-6022be.fw"}
 REMEDY = firmware_remedy(sys.platform)
 
-COLD_IDS = {(0x04B4, 0x6022), (0x04B4, 0x602A), (0x04B4, 0x2020)}
+IDS_WITHOUT_FIRMWARE = {(0x04B4, 0x6022), (0x04B4, 0x602A), (0x04B4, 0x2020)}
 OPENHANTEK_IDS = {(0x04B5, 0x6022), (0x04B5, 0x602A), (0x04B5, 0x2020)}
 SIGROK_ID = (0x1D50, 0x608E)
-WARM_IDS = OPENHANTEK_IDS | {SIGROK_ID}
+IDS_WITH_FIRMWARE = OPENHANTEK_IDS | {SIGROK_ID}
 
 _LOAD = 0xA0
 _CPU_CONTROL = 0xE600
@@ -119,7 +119,7 @@ def load_firmware(device: Any, segments: tuple[Segment, ...], name: str) -> None
     try:
         _write(device, _CPU_CONTROL, b"\x00")
     except usb.core.USBError:
-        pass  # some devices leave the bus before they acknowledge; ``wait_for_warm`` detects a failed start
+        pass  # some devices leave the bus before they acknowledge; ``wait_for_firmware`` detects a failed start
     finally:
         usb_bus.release(device)
 
@@ -130,7 +130,7 @@ def _write(device: Any, address: int, content: bytes) -> None:
         raise usb.core.USBError(f"{written} of {len(content)} firmware bytes taken", errno=5)
 
 
-def wait_for_warm(
+def wait_for_firmware(
     backend: Any,
     timeout_s: float = 3.0,
     clock: Callable[[], float] = time.monotonic,
@@ -139,7 +139,7 @@ def wait_for_warm(
     """Return the device that reappears after its firmware was loaded.  Raises DigitizerError after ``timeout_s``."""
     end = clock() + timeout_s
     while True:
-        if warm := usb_bus.find_devices(WARM_IDS, backend):
+        if warm := usb_bus.find_devices(IDS_WITH_FIRMWARE, backend):
             return warm[0]
         if clock() >= end:
             raise DigitizerError(

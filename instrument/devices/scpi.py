@@ -193,7 +193,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
             )
         first = max(0, (timing.trigger_sample or 0) - settings.pre_trigger_samples)
         end = min(timing.samples, first + settings.samples)
-        step = dialect.points_a_read or end
+        step = dialect.points_per_read or end
         for at in range(first, end, step):
             count = min(step, end - at)
             trigger = None if timing.trigger_sample is None else timing.trigger_sample - at
@@ -204,7 +204,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
                         counts[:, column] = self._points(n, at, count, timing)
                 except Stalled as error:
                     if column == len(self._roles) - 1:  # keep the rows received for all channels
-                        skipped = at if dialect.points_a_read is None else 0
+                        skipped = at if dialect.points_per_read is None else 0
                         received = dialect.decode(error.received)[skipped:][:count]
                         counts[: received.size, column] = received
                         out.put(Piece(counts[: received.size], trigger, False))
@@ -213,7 +213,7 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
 
     def _points(self, n: int, at: int, count: int, timing: Timing) -> NDArray[np.int16]:
         dialect = self._dialect
-        whole = dialect.points_a_read is None
+        whole = dialect.points_per_read is None
         for command in dialect.select:
             self._link.write(command.format(n=n))
         fetch = [f.format(n=n, a=at + 1, b=at + count, count=count, skip=at) for f in dialect.fetch]

@@ -59,7 +59,7 @@ class Dialect:
     makers: tuple[str, ...]  # beginnings of the answer to *IDN?, in capitals
     bits: int
     bytes_per_sample: int
-    points_a_read: int | None  # None: the whole memory in one block
+    points_per_read: int | None  # None: the whole memory in one block
     begin: tuple[str, ...]  # sent once, after opening
     trigger_channel: tuple[str, ...]
     trigger_external: tuple[str, ...]
@@ -177,7 +177,7 @@ RIGOL = Dialect(
     makers=("RIGOL",),
     bits=8,
     bytes_per_sample=1,
-    points_a_read=250_000,
+    points_per_read=250_000,
     begin=(":WAV:MODE RAW", ":WAV:FORM BYTE"),
     trigger_channel=(":TRIG:MODE EDGE", ":TRIG:EDG:SOUR CHAN{n}"),
     trigger_external=(":TRIG:MODE EDGE", ":TRIG:EDG:SOUR EXT"),
@@ -206,7 +206,7 @@ SIGLENT = Dialect(
     makers=("SIGLENT",),
     bits=8,
     bytes_per_sample=1,
-    points_a_read=500_000,
+    points_per_read=500_000,
     begin=("CHDR OFF",),
     trigger_channel=("TRSE EDGE,SR,C{n},HT,OFF",),
     trigger_external=("TRSE EDGE,SR,EX,HT,OFF",),
@@ -235,7 +235,7 @@ KEYSIGHT = Dialect(
     makers=("KEYSIGHT", "AGILENT"),
     bits=16,
     bytes_per_sample=2,
-    points_a_read=None,
+    points_per_read=None,
     begin=(":WAV:FORM WORD", ":WAV:BYT LSBF", ":WAV:UNS OFF", ":WAV:POIN:MODE RAW", ":WAV:POIN MAX"),
     trigger_channel=(":TRIG:MODE EDGE", ":TRIG:EDGE:SOUR CHAN{n}"),
     trigger_external=(":TRIG:MODE EDGE", ":TRIG:EDGE:SOUR EXT"),

@@ -40,7 +40,7 @@ class Source:
     finder: str = ""
     listed: dict[str, str] = field(default_factory=dict)
     simulated: bool = False  # True: only a busy computer can delay it
-    knows_its_rig: bool = False  # True: mass and wavelength come from the source, not from the settings
+    states_setup: bool = False  # True: mass and wavelength come from the source, not from the settings
     in_subprocess: bool = True
     remembered: bool = True  # True: opened again at the next start
 
@@ -60,14 +60,14 @@ SOURCES = (
             "bench?effect=quadratic_drag:coefficient_n_s2_per_m2=3e-3": "Simulated bench with a flaw",
         },
         simulated=True,
-        knows_its_rig=True,
+        states_setup=True,
     ),
     Source(
         "replay",
         "devices.replay:open_digitizer",
         "PATH",
         listed={"replay:": "Play a recording …"},
-        knows_its_rig=True,
+        states_setup=True,
         in_subprocess=False,  # not needed, as it waits for its reader and cannot lose samples
         remembered=False,
     ),
@@ -130,11 +130,11 @@ def open_source(text: str) -> "Digitizer":
         raise DigitizerError(f"source {source.name} takes no address, but got {shown(rest)}", remedy)
     address, _, given = rest.partition("?") if source.options else (rest, "", "")
     options = SourceOptions.read(given, source.name, source.options)
-    digitizer: Digitizer = imported(source.opener)(address, options)
+    digitizer: Digitizer = import_function(source.opener)(address, options)
     return digitizer
 
 
-def imported(name: str) -> Any:
+def import_function(name: str) -> Any:
     """Return the function named "folder.module:function".  Raises DigitizerError if a package is missing."""
     from instrument.devices.digitizer import DigitizerError
 
@@ -150,7 +150,7 @@ def is_bench(source: str) -> bool:
     return source.strip().partition("?")[0].lower() == "bench"
 
 
-def pushed(source: str, speed_m_per_s: float, added_kg: float, first: int) -> str:
+def with_push(source: str, speed_m_per_s: float, added_kg: float, first: int) -> str:
     """Return the text of a simulated bench's source with these options of the push; other options are unchanged.
 
     The options are speed, added mass, and number of the first push.
@@ -161,7 +161,7 @@ def pushed(source: str, speed_m_per_s: float, added_kg: float, first: int) -> st
     return f"{kind}?{'&'.join([*kept, *push])}"
 
 
-def at_site(source: str, site: str) -> str:
+def with_site(source: str, site: str) -> str:
     """Return a source's text with ``site`` added; unchanged if it has a site or is not the simulated bench."""
     if not is_bench(source) or re.search("[?&]site=", source):
         return source

@@ -6,9 +6,9 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.devices.beat_seams import BeatSeams
 from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import Block
+from instrument.devices.packet_losses import PacketLossFinder
 
 PACKET_BYTES = 512
 SETTLING_PACKETS = 8  # discarded packets (2048 samples per channel) in which the input settles
@@ -26,7 +26,7 @@ class StreamedCodes:
     def __init__(self, bytes_per_s: float, reference_column: int | None) -> None:
         self._column = reference_column
         self._clock = ByteClock(bytes_per_s)
-        self._seams = BeatSeams(PACKET_BYTES // 2)
+        self._seams = PacketLossFinder(PACKET_BYTES // 2)
         self._ready: deque[tuple[NDArray[np.uint8], bool]] = deque()
         self._undecided = np.empty(0, np.uint8)
         self._part = np.empty(0, np.uint8)  # an incomplete packet
@@ -100,8 +100,8 @@ class StreamedCodes:
 
 
 DRIFT = 300e-6  # largest relative deviation of two crystals' frequencies
-SOON_S, SOON_STEP_S = 0.3, 0.03
-LASTING_S, LASTING_STEP_S = 2.0, 0.004
+SHORT_WINDOW_S, SHORT_STEP_S = 0.3, 0.03
+LONG_WINDOW_S, LONG_STEP_S = 2.0, 0.004
 
 
 class ByteClock:
@@ -124,22 +124,22 @@ class ByteClock:
             return 0  # the first chunk only starts the clock, as the time to fill it is unknown
         self._received += received_bytes
         self._recent.append((now_s, now_s - self._received / self._rate))
-        while self._recent[0][0] < now_s - LASTING_S:
+        while self._recent[0][0] < now_s - LONG_WINDOW_S:
             self._recent.popleft()
         if len(self._recent) < 4:
             return 0
-        soon_s = min(lag for at, lag in self._recent if at >= now_s - SOON_S)
+        soon_s = min(lag for at, lag in self._recent if at >= now_s - SHORT_WINDOW_S)
         if self._level_s is None:
             self._level_s, self._judged_s = soon_s, now_s
             return 0
         creep_s = DRIFT * (now_s - self._judged_s)
         self._judged_s = now_s
         lasting_s = min(lag for _, lag in self._recent)
-        for lag_s, step_s in ((soon_s, SOON_STEP_S), (lasting_s, LASTING_STEP_S)):
+        for lag_s, step_s in ((soon_s, SHORT_STEP_S), (lasting_s, LONG_STEP_S)):
             if lag_s - self._level_s > step_s + creep_s:
                 lost = round((lag_s - self._level_s) * self._rate)
                 self._level_s = lag_s
                 return lost
         behind_s = soon_s - self._level_s
-        self._level_s += behind_s if behind_s < -LASTING_STEP_S else max(-creep_s, min(creep_s, behind_s))
+        self._level_s += behind_s if behind_s < -LONG_STEP_S else max(-creep_s, min(creep_s, behind_s))
         return 0

@@ -7,7 +7,7 @@ from .atomic_file import (
     write_json_atomic,
     write_text_atomic,
 )
-from .checked import Checked
+from .checked_table import CheckedTable
 from .folder_lock import FolderLock, FolderLocked, disk_free_bytes
 from .foreign_file import (
     FOLDER_MAPPING,
@@ -36,7 +36,7 @@ from .motion_file import (
     read_motion,
     save_columns,
 )
-from .recording_error import FileNotReached, PartlySaved, RecordingError, RecordingExists, one_line, shown
+from .recording_error import FileNotReached, RecordingError, RecordingExists, SomeShotsNotSaved, one_line, shown
 from .recording_file import (
     ENDED_EARLY,
     analyse_and_check_hash,
@@ -57,7 +57,7 @@ __all__ = [
     "LENGTHS_M",
     "MODELS",
     "TABLE",
-    "Checked",
+    "CheckedTable",
     "FileNotReached",
     "FolderLock",
     "FolderLocked",
@@ -68,10 +68,10 @@ __all__ = [
     "MappedChannel",
     "MotionColumns",
     "MotionRecord",
-    "PartlySaved",
     "RecordingError",
     "RecordingExists",
     "RecordingWriter",
+    "SomeShotsNotSaved",
     "analyse_and_check_hash",
     "check_writable",
     "copy_permissions",

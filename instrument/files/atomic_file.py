@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from instrument.files.recording_error import RecordingError, RecordingExists, cause_of
+from instrument.files.recording_error import RecordingError, RecordingExists, system_message
 
 PATIENCE_S = 2.0
 _LOOK_S = 0.05
@@ -121,7 +121,7 @@ def as_recording_error(path: Path) -> Iterator[None]:
     except FileNotFoundError:
         raise RecordingError(path, "the folder does not exist") from None
     except OSError as error:
-        raise RecordingError(path, cause_of(error)) from error
+        raise RecordingError(path, system_message(error)) from error
 
 
 def replace_file(source: Path, target: Path) -> None:
@@ -137,7 +137,7 @@ def replace_file(source: Path, target: Path) -> None:
             os.replace(source, target)
             return
         except PermissionError as error:
-            if time.monotonic() > end or not _may_be_held(target):
+            if time.monotonic() > end or not _may_be_open_elsewhere(target):
                 raise PermissionError(error.errno, _in_words(error), str(target)) from error
         time.sleep(_LOOK_S)
 
@@ -165,10 +165,10 @@ def sync_folder(folder: Path) -> None:
             os.close(descriptor)
 
 
-def _may_be_held(target: Path) -> bool:
+def _may_be_open_elsewhere(target: Path) -> bool:
     return os.name == "nt" or os.access(target.parent, os.W_OK)  # otherwise this user has no write permission
 
 
 def _in_words(error: OSError) -> str:
     in_use = getattr(error, "winerror", None) in (5, 32)
-    return "held by another program (a virus scanner, a synchronised folder?)" if in_use else cause_of(error)
+    return "held by another program (a virus scanner, a synchronised folder?)" if in_use else system_message(error)

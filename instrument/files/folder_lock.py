@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import IO
 
-from instrument.files.recording_error import RecordingError, cause_of
+from instrument.files.recording_error import RecordingError, system_message
 
 LOCK_NAME = ".levimass.lock"
 
@@ -31,7 +31,7 @@ class FolderLock:
         except FileNotFoundError:
             raise RecordingError(folder, "the folder does not exist") from None
         except OSError as error:
-            raise RecordingError(folder, f"cannot be written to ({cause_of(error)})") from None
+            raise RecordingError(folder, f"cannot be written to ({system_message(error)})") from None
         try:
             _lock(file)
         except OSError:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.shot import Role, Setup
 from instrument.files.atomic_file import write_toml_atomic
-from instrument.files.checked import Checked
+from instrument.files.checked_table import CheckedTable
 from instrument.files.recording_error import RecordingError, shown
 from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
 from instrument.files.text_file import read_toml
@@ -109,10 +109,10 @@ class ForeignMapping:
 
 def read_mapping(path: Path) -> ForeignMapping:
     """Read a mapping.  Raises RecordingError."""
-    whole = Checked(path, read_toml(path))
+    whole = CheckedTable(path, read_toml(path))
     kind = whole.text("format", 100)
     if kind is None:
-        raise whole.refuse("format", "missing")
+        raise whole.error_for("format", "missing")
     listed = whole.required_object("channels")
     channels = []
     for role in Role:
@@ -121,15 +121,15 @@ def read_mapping(path: Path) -> ForeignMapping:
             continue
         name = item.text("name")
         if name is None:
-            raise item.refuse("name", "missing")
+            raise item.error_for("name", "missing")
         scale = item.number("volts_per_unit", -1e9, 1e9)
         if scale is not None and abs(scale) < 1e-30:
-            raise item.refuse("volts_per_unit", "zero")
+            raise item.error_for("volts_per_unit", "zero")
         channels.append(MappedChannel(role, name, scale, item.number("offset_v", -1e9, 1e9)))
     if unknown := sorted(set(listed.unread())):
-        raise listed.refuse(unknown[0], f"is none of {', '.join(Role)}")
+        raise listed.error_for(unknown[0], f"is none of {', '.join(Role)}")
     if all(channel.role is not Role.MEASUREMENT for channel in channels):
-        raise listed.refuse("measurement", "missing: the beat that the moving corner cube shifts is needed")
+        raise listed.error_for("measurement", "missing: the beat that the moving corner cube shifts is needed")
     return ForeignMapping(
         kind,
         tuple(channels),

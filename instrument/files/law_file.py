@@ -4,7 +4,7 @@ from pathlib import Path
 
 from analysis.collision import LawError, OwnLaw, from_mapping
 from instrument.files.atomic_file import write_toml_atomic
-from instrument.files.recording_error import RecordingError, cause_of
+from instrument.files.recording_error import RecordingError, system_message
 from instrument.files.text_file import read_toml
 
 LARGEST_BYTES = 64 * 1024
@@ -44,6 +44,6 @@ def write_law(law: OwnLaw, folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise RecordingError(folder, cause_of(error)) from None
+        raise RecordingError(folder, system_message(error)) from None
     write_toml_atomic(path, law.written())
     return path

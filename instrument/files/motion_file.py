@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from analysis.shot import Floats
 from instrument.files import csv_table
 from instrument.files.atomic_file import write_toml_atomic
-from instrument.files.checked import Checked
+from instrument.files.checked_table import CheckedTable
 from instrument.files.foreign_file import ForeignChannel
 from instrument.files.recording_error import RecordingError, shown
 from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
@@ -74,10 +74,10 @@ def read_motion(path: Path | str) -> MotionRecord:
     if table.exists() and not about.exists():
         cause = f"neither {about.name} (of a motion record) nor a mapping (of raw beats) says what it is"
         raise RecordingError(table, f"{cause}; 'levimass --map {table.name}' shows how to give either")
-    head = Checked(about, read_toml(about))
+    head = CheckedTable(about, read_toml(about))
     model = head.text("model")
     if model not in _MODELS:
-        raise head.refuse("model", "missing" if model is None else f"{shown(model)} is none of {', '.join(_MODELS)}")
+        raise head.error_for("model", "missing" if model is None else f"{shown(model)} is none of {', '.join(_MODELS)}")
     mass = head.number("moving_mass_kg", *MASSES_KG)
     mass_u = head.number("moving_mass_u_kg", 0.0, 1e6)
     mapped = head.object("columns")
@@ -111,15 +111,15 @@ def length_unit(channel: ForeignChannel) -> str | None:
     return unit if unit in LENGTHS_M else None
 
 
-def _mapped_columns(table: Path, columns: Checked) -> dict[str, NDArray[np.float64]]:
+def _mapped_columns(table: Path, columns: CheckedTable) -> dict[str, NDArray[np.float64]]:
     """Return time_s and displacement_m, each of shape (n,), read as ``[columns]`` states.  Raises RecordingError."""
     named = columns.object("displacement")
     name = named.text("name") if named is not None else None
     if named is None or name is None:
-        raise columns.refuse("displacement.name", "missing")
+        raise columns.error_for("displacement.name", "missing")
     unit = named.text("unit")
     if unit is None or (unit := unit.translate(_MICRO)) not in LENGTHS_M:
-        raise named.refuse("unit", f"is none of {', '.join(LENGTHS_M)}")
+        raise named.error_for("unit", f"is none of {', '.join(LENGTHS_M)}")
     csv_table.contents(table).channel(name)
     time_s, values = csv_table.timed_column(table, name, columns.number("sample_rate_hz", *RATES_HZ))
     return {"time_s": time_s, "displacement_m": values * LENGTHS_M[unit]}

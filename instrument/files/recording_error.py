@@ -28,7 +28,7 @@ class RecordingExists(RecordingError):
         super().__init__(path, "exists already; a recording is never overwritten")
 
 
-class PartlySaved(RecordingError):
+class SomeShotsNotSaved(RecordingError):
     """One of several shots could not be saved; ``saved`` maps the names of the shots before it to their paths."""
 
     def __init__(self, error: RecordingError, saved: Mapping[str, Path]) -> None:
@@ -42,7 +42,7 @@ def one_line(text: str, longest: int = 200) -> str:
     return flat if len(flat) <= longest else flat[: longest - 3] + "..."
 
 
-def cause_of(error: OSError) -> str:
+def system_message(error: OSError) -> str:
     """Return the system's description of an error, without the error number and the path."""
     return error.strerror or str(error)
 

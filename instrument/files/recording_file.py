@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from analysis.shot import DELIVERED, RATE_CONTRADICTED, Recording, Role, Shot
 from instrument.files.foreign_file import find_mapping, format_of, read_mapping
-from instrument.files.recording_error import FileNotReached, RecordingError, cause_of
+from instrument.files.recording_error import FileNotReached, RecordingError, system_message
 from instrument.files.recording_metadata import Metadata, read_metadata
 from instrument.files.recording_search import recording_files
 from instrument.files.text_file import open_regular
@@ -109,7 +109,7 @@ def hash_matches(recording: Recording, sha512: str, cancelled: Callable[[], bool
     return digest.hexdigest() == sha512.lower()
 
 
-def _stay_inside(data: Path) -> None:
+def _refuse_outside_link(data: Path) -> None:
     """Raise RecordingError for a link that leads outside the recording's folder."""
     try:
         if data.is_symlink() and data.resolve().parent not in (data.parent.resolve(), _real_folder(data)):
@@ -125,7 +125,7 @@ def _real_folder(data: Path) -> Path:
 
 def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
     """Return the counts, shape (samples, channels), and the number of bytes after the last whole sample."""
-    _stay_inside(data)
+    _refuse_outside_link(data)
     frame = 2 * channels
     with os.fdopen(open_regular(data), "rb", buffering=0) as file:
         size = os.fstat(file.fileno()).st_size  # samples added later by a running capture are not read
@@ -135,7 +135,7 @@ def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:
             while count := file.readinto(content[filled : filled + _PIECE_BYTES].data):
                 filled += count
         except OSError as error:
-            raise FileNotReached(data, cause_of(error)) from None
+            raise FileNotReached(data, system_message(error)) from None
         except MemoryError:
             raise RecordingError(
                 data, f"{size / 2**30:.1f} GiB, more than this machine's memory has room for"
@@ -190,7 +190,7 @@ def data_hash(path: Path | str) -> DataHash:
             digest = hashlib.file_digest(file, "sha512").hexdigest()
             size = os.fstat(file.fileno()).st_size
         except OSError as error:
-            raise RecordingError(path, cause_of(error)) from None
+            raise RecordingError(path, system_message(error)) from None
     return DataHash(path.name, size, digest, recorded)
 
 
@@ -249,7 +249,7 @@ def _why_no_recording(folder: Path) -> str:
     try:
         foreign = next((p for p in sorted(folder.iterdir()) if format_of(p) is not None and p.is_file()), None)
     except OSError as error:
-        return cause_of(error)
+        return system_message(error)
     if foreign is None:
         return "this folder holds no recording"
     return f"this folder holds no recording, but {foreign.name}; {_advice(foreign)}"

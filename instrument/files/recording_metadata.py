@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.shot import Air, Channel, Gap, Plate, Role, Setup
-from instrument.files.checked import Checked
+from instrument.files.checked_table import CheckedTable
 from instrument.files.recording_error import shown
 from instrument.files.text_file import read_json
 
@@ -42,11 +42,11 @@ class Metadata:
 
 def read_metadata(path: Path) -> Metadata:
     """Read and check a .sigmf-meta file.  Raises RecordingError."""
-    whole = Checked(path, read_json(path))
+    whole = CheckedTable(path, read_json(path))
     head = whole.required_object("global")
     datatype = head.text("core:datatype")
     if datatype != "ri16_le":
-        raise head.refuse("core:datatype", "missing" if datatype is None else f"{shown(datatype)} is not 'ri16_le'")
+        raise head.error_for("core:datatype", "missing" if datatype is None else f"{shown(datatype)} is not 'ri16_le'")
     head.text("core:version")
     head.get("core:extensions")
     rate = head.required("core:sample_rate", *RATES_HZ)
@@ -54,10 +54,10 @@ def read_metadata(path: Path) -> Metadata:
     setup = setup_of(head.required_object("lmm:setup"))
     for key in ("core:trailing_bytes", "core:metadata_only"):
         if head.values.get(key):
-            raise head.refuse(key, "only recordings whose data file holds nothing but samples can be read")
+            raise head.error_for(key, "only recordings whose data file holds nothing but samples can be read")
     dataset = head.text("core:dataset")
     if dataset is not None and dataset != f"{path.name.removesuffix('.sigmf-meta')}.sigmf-data":
-        raise head.refuse("core:dataset", "names another file; samples are read only from the file of the same name")
+        raise head.error_for("core:dataset", "names another file; samples are read only from the file of the same name")
     trigger = head.whole("lmm:trigger_sample", 0, _MOST_SAMPLES)
     declared = head.whole("lmm:samples", 0, _MOST_SAMPLES)
     sha512 = head.text("core:sha512")
@@ -91,34 +91,34 @@ def read_metadata(path: Path) -> Metadata:
     )
 
 
-def _channels(head: Checked) -> tuple[tuple[Channel, ...], list[dict[str, Any]]]:
+def _channels(head: CheckedTable) -> tuple[tuple[Channel, ...], list[dict[str, Any]]]:
     listed = head.objects("lmm:channels")
     if not listed:
-        raise head.refuse("lmm:channels", "missing" if listed is None else "empty")
+        raise head.error_for("lmm:channels", "missing" if listed is None else "empty")
     if len(listed) > _MOST_CHANNELS:
-        raise head.refuse("lmm:channels", f"more than {_MOST_CHANNELS} channels")
+        raise head.error_for("lmm:channels", f"more than {_MOST_CHANNELS} channels")
     count = head.whole("core:num_channels", 1, _MOST_CHANNELS)
     if count is not None and count != len(listed):
-        raise head.refuse("core:num_channels", f"{count}, but lmm:channels lists {len(listed)}")
+        raise head.error_for("core:num_channels", f"{count}, but lmm:channels lists {len(listed)}")
     channels: list[Channel] = []
     for item in listed:
         name = item.text("role")
         if name not in tuple(Role):
-            raise item.refuse("role", "missing" if name is None else f"{shown(name)} is none of {', '.join(Role)}")
+            raise item.error_for("role", "missing" if name is None else f"{shown(name)} is none of {', '.join(Role)}")
         role = Role(name)
         if any(channel.role is role for channel in channels):
-            raise item.refuse("role", f"a second {role} channel")
+            raise item.error_for("role", f"a second {role} channel")
         scale = item.required("volts_per_count", -1e6, 1e6)
         if abs(scale) < 1e-30:
-            raise item.refuse("volts_per_count", "zero")
+            raise item.error_for("volts_per_count", "zero")
         channels.append(Channel(role, scale, item.number("offset_v", -1e9, 1e9) or 0.0))
     if not any(channel.role is Role.MEASUREMENT for channel in channels):
-        raise head.refuse("lmm:channels", "no channel has the role 'measurement'")
+        raise head.error_for("lmm:channels", "no channel has the role 'measurement'")
     foreign = [item.unread() for item in listed]
     return tuple(channels), foreign if any(foreign) else []
 
 
-def setup_of(item: Checked) -> Setup:
+def setup_of(item: CheckedTable) -> Setup:
     """Return the set-up from an object with the keys of ``lmm:setup``.  Raises RecordingError."""
     extra: dict[str, Any] = {}
     air = None
@@ -148,7 +148,7 @@ def setup_of(item: Checked) -> Setup:
     return replace(setup, extra=extra)
 
 
-def _captures(whole: Checked) -> tuple[str | None, list[dict[str, Any]]]:
+def _captures(whole: CheckedTable) -> tuple[str | None, list[dict[str, Any]]]:
     segments = whole.objects("captures") or []
     if not segments:
         return None, []
@@ -156,7 +156,7 @@ def _captures(whole: Checked) -> tuple[str | None, list[dict[str, Any]]]:
     first.whole("core:sample_start", 0, _MOST_SAMPLES)
     started_at = first.text("core:datetime")
     if first.number("core:header_bytes", 0, _MOST_SAMPLES):
-        raise first.refuse("core:header_bytes", "only data files that hold nothing but samples can be read")
+        raise first.error_for("core:header_bytes", "only data files that hold nothing but samples can be read")
     foreign = [first.unread(), *(dict(segment.values) for segment in segments[1:])]
     return started_at, foreign if any(foreign) else []
 
@@ -170,7 +170,7 @@ class _Annotations:
     note_samples: int | None
 
 
-def _annotations(whole: Checked) -> _Annotations:
+def _annotations(whole: CheckedTable) -> _Annotations:
     gaps: list[Gap] = []
     notes: list[str] = []
     foreign: list[dict[str, Any]] = []
@@ -183,7 +183,7 @@ def _annotations(whole: Checked) -> _Annotations:
         ends.append((start or 0) + (count or 0))
         if label == "gap":
             if start is None:
-                raise item.refuse("core:sample_start", "missing on a gap")
+                raise item.error_for("core:sample_start", "missing on a gap")
             gaps.append(Gap(start, item.whole("lmm:samples_lost", 0, _MOST_SAMPLES)))
         elif label == "note":
             if comment := item.text("core:comment", _LONGEST_NOTE):

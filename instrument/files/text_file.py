@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
-from instrument.files.recording_error import FileNotReached, RecordingError, cause_of, one_line, shown
+from instrument.files.recording_error import FileNotReached, RecordingError, one_line, shown, system_message
 
 LARGEST_JSON_BYTES = 16 * 2**20
 LARGEST_TOML_BYTES = 2**20  # smaller than for JSON, as the TOML parser is a thousand times slower
@@ -28,7 +28,7 @@ def open_regular(path: Path) -> int:
     except FileNotFoundError:
         raise FileNotReached(path, "no such file") from None
     except OSError as error:
-        raise FileNotReached(path, cause_of(error)) from None
+        raise FileNotReached(path, system_message(error)) from None
     except ValueError as error:  # a NUL character in the name
         raise RecordingError(path, str(error)) from None
     if not stat.S_ISREG(os.fstat(descriptor).st_mode):
@@ -43,7 +43,7 @@ def read_text(path: Path, largest_bytes: int) -> str:
         try:
             raw = file.read(largest_bytes + 1)
         except OSError as error:
-            raise FileNotReached(path, cause_of(error)) from None
+            raise FileNotReached(path, system_message(error)) from None
     if len(raw) > largest_bytes:
         room = f"{largest_bytes // 2**20} MiB" if largest_bytes >= 2**20 else f"{largest_bytes // 2**10} KiB"
         raise RecordingError(path, f"larger than {room}")

@@ -216,7 +216,7 @@ def test_nothing_but_the_window_ever_comes_up_and_the_keyboard_stays(window, qtb
             panels.compare.show_entries([])
             panels.budget.show_shot(shot)
             panels.setup.show_devices((), (), "bench")
-            panels.dress()
+            panels.apply_colours()
             qtbot.wait(10)
 
     assert appeared(shown_on_every_page) == []

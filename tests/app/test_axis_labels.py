@@ -160,7 +160,7 @@ def test_the_numbers_of_a_small_plot_do_not_lie_over_one_another(qapp, monkeypat
 
 def test_a_line_of_the_grid_stands_at_a_number_and_nowhere_else(qapp):
     plot = PlainPlot("Trend", ("restitution", ""), "speed (m/s)", TIME)
-    plot.dress(LIGHT)
+    plot.apply_colours(LIGHT)
     plot.resize(*HIGH)
     plot.show()
     plot.plot.view.setRange(xRange=(0.0, 1.0), yRange=(0.0, 1.0), padding=0.0)
@@ -189,7 +189,7 @@ def test_the_grid_of_a_plot_without_numbers_is_that_of_the_plot_below(qapp):
 
     def lines(hidden: bool) -> tuple[list[float], set[str]]:
         plot = PlainPlot("Trend", ("restitution", ""), "speed (m/s)", TIME)
-        plot.dress(LIGHT)
+        plot.apply_colours(LIGHT)
         plot.resize(*HIGH)
         if hidden:
             plot.plot.hide_bottom_values()

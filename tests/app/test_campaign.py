@@ -15,10 +15,10 @@ import pytest
 from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program, program_version
 from app.command_line.campaign import run
-from app.command_line.campaign.cluster import guarded
+from app.command_line.campaign.cluster import is_secure
 from app.command_line.campaign.journal import JOURNAL, Journal
-from app.command_line.campaign.task import NotReached, analyse_one, tasks_of, unfit
-from app.command_line.campaign.worker_pool import Processes, most_processes
+from app.command_line.campaign.task import NotReached, analyse_one, tasks_of, why_unusable
+from app.command_line.campaign.worker_pool import ProcessPool, most_processes
 from app.command_line.cli import main
 from app.report.exports import shot_columns
 from tests.app.deadly import DEADLY, unless_deadly
@@ -115,11 +115,11 @@ def test_what_was_not_reached_is_no_result(shots: Path, tmp_path: Path, capsys: 
 
 def test_a_worker_that_cannot_do_the_work_says_why(tmp_path: Path) -> None:
     here = str(tmp_path)
-    assert unfit(program(), [here], here) is None and list(tmp_path.iterdir()) == []
-    assert unfit("another", [here], here) == f"has levimass {program()}, not another"
-    assert unfit(program(), [here, here + "/none"], None) == f"does not see the folder {here}/none"
+    assert why_unusable(program(), [here], here) is None and list(tmp_path.iterdir()) == []
+    assert why_unusable("another", [here], here) == f"has levimass {program()}, not another"
+    assert why_unusable(program(), [here, here + "/none"], None) == f"does not see the folder {here}/none"
     (tmp_path / "a file").touch()
-    assert f"cannot write to {here}/a file" in str(unfit(program(), [here], f"{here}/a file"))
+    assert f"cannot write to {here}/a file" in str(why_unusable(program(), [here], f"{here}/a file"))
 
 
 def test_a_terminal_is_told_how_many_shots_are_done_and_how_long_the_others_take(
@@ -150,14 +150,14 @@ def test_a_terminal_is_told_how_many_shots_are_done_and_how_long_the_others_take
 
 def test_windows_waits_for_61_processes_at_most(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("app.command_line.campaign.worker_pool._MOST", most_processes("win32"))
-    pool = Processes(200)
+    pool = ProcessPool(200)
     pool.close()
     assert pool.width == 61 and most_processes("linux") > 200
 
 
 def test_a_process_that_dies_is_not_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shots under way with one that kills its process are analysed all the same; the killer is told and no result."""
-    pool = Processes(2)
+    pool = ProcessPool(2)
     try:
         monkeypatch.setattr("app.command_line.campaign.worker_pool.analyse_one", unless_deadly)
         tasks = tasks_of([Path("a"), Path(DEADLY), Path("b")], None, AnalysisSettings(), None)
@@ -279,7 +279,7 @@ UNSAFE = (
 def test_a_scheduler_elsewhere_without_tls_is_refused(
     shots: Path, capsys: pytest.CaptureFixture[str], address: str, safe: bool
 ) -> None:
-    assert guarded(address) is safe
+    assert is_secure(address) is safe
     if not safe:
         pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
         assert main(["--replay", str(shots / "a"), "--scheduler", address]) == 1

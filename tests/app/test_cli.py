@@ -167,7 +167,7 @@ def test_ctrl_c_in_mid_run_is_a_line(monkeypatch: pytest.MonkeyPatch, capsys: py
     def interrupted() -> int:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "run_of", lambda options, arguments: interrupted)
+    monkeypatch.setattr(cli, "prepared_command", lambda options, arguments: interrupted)
     assert main(["--replay", "x"]) == INTERRUPTED
     assert capsys.readouterr().err == "levimass: interrupted\n"
 

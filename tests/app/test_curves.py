@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from app.window.plots.axis import _round_up
-from app.window.plots.cursors import SECONDS, TIME, CursorAxis, between
+from app.window.plots.cursors import SECONDS, TIME, CursorAxis, interval_statistics
 from app.window.plots.curve import Band, PointCurve, SampledCurve
 from app.window.plots.lines import DASHES, MEASURED, ColumnCurve, series
 from app.window.plots.plot_view import MOST, ViewHistory
@@ -90,10 +90,10 @@ def test_looks_of_overlaid_shots_differ_until_colours_and_dashes_are_used_up() -
 def test_readings_between_cursors_are_those_of_the_samples() -> None:
     random = np.random.default_rng(4)
     x, y = np.sort(random.uniform(5.0, 9.0, 80)), random.normal(3.0, 2.0, 80)
-    found = between("a", "N", x, y, 1.0, 4.0)
+    found = interval_statistics("a", "N", x, y, 1.0, 4.0)
     assert found.slope == pytest.approx(np.polyfit(x, y, 1)[0]) and found.difference == 3.0
     assert (found.mean, found.rms, found.deviation) == pytest.approx((y.mean(), np.sqrt(np.mean(y**2)), y.std()))
-    one = between("a", "N", np.array([1.0]), np.array([7.0]), 7.0, 7.0)
+    one = interval_statistics("a", "N", np.array([1.0]), np.array([7.0]), 7.0, 7.0)
     assert np.isnan(one.slope) and (one.mean, one.rms, one.deviation) == (7.0, 7.0, 0.0)
     assert (TIME.value(3.0), CursorAxis("Hz", "Hz", logarithmic=True).value(2.0)) == (3.0, 100.0)
     assert (TIME.scale, SECONDS.scale, TIME.slope_words) == (1e-3, 1.0, "slope per s")

@@ -8,18 +8,18 @@ import pytest
 
 from app.command_line.cli import main
 from app.report.exports import write_table
-from app.words.escaping import cell, plain
+from app.words.escaping import cell, escape_controls
 
 ESCAPE = "\x1b]0;owned\x07\x1b[2J\r\x08\u202e\x9b31m\u2028"
 
 
 def test_nothing_a_terminal_obeys_is_left() -> None:
-    assert plain("velocity ± 0.1 µm/s\n\tnext") == "velocity ± 0.1 µm/s\n\tnext"
-    assert plain(ESCAPE) == "\\x1b]0;owned\\x07\\x1b[2J\\r\\x08\\u202e\\x9b31m\\u2028"
+    assert escape_controls("velocity ± 0.1 µm/s\n\tnext") == "velocity ± 0.1 µm/s\n\tnext"
+    assert escape_controls(ESCAPE) == "\\x1b]0;owned\\x07\\x1b[2J\\r\\x08\\u202e\\x9b31m\\u2028"
     random_ = random.Random(1)
     for _ in range(300):
         text = "".join(chr(random_.choice((random_.randrange(0x300), random_.randrange(0xD7FF)))) for _ in range(20))
-        assert all(character.isprintable() or character in "\n\t" for character in plain(text))
+        assert all(character.isprintable() or character in "\n\t" for character in escape_controls(text))
 
 
 @pytest.mark.parametrize(

@@ -133,7 +133,7 @@ def _all_of(colours) -> set[str]:
 def test_a_change_of_colours_reaches_every_word_that_is_coloured(panels):
     assert len(_all_of(LIGHT).intersection(_coloured(panels))) > 2
     panels._theme.colours = DARK
-    panels.dress()
+    panels.apply_colours()
     QCoreApplication.sendPostedEvents(None, QEvent.Type.DeferredDelete)
     found = _coloured(panels)
     assert {colour: found[colour] for colour in found.keys() & (_all_of(LIGHT) - _all_of(DARK))} == {}
@@ -203,7 +203,7 @@ def _painted(panels) -> list[tuple[object, ...]]:
 def test_after_a_change_of_colours_every_plot_is_painted_as_one_made_in_them(panels, qtbot):
     light = _painted(panels)
     panels._theme.colours = DARK
-    panels.dress()
+    panels.apply_colours()
     changed, made = _painted(panels), _painted(_panels(qtbot, DARK))
     assert len(changed) == len(made) > 300 and changed != light
     assert [pair for pair in zip(changed, made, strict=True) if pair[0] != pair[1]] == []

@@ -105,7 +105,7 @@ def test_an_axis_left_wide_by_hand_is_close_again_after_a_reset(panel):
     for view in views(20, range(0), 0.0):
         panel.show_live(view)
     before = plot.view.viewRange()[1]
-    plot.view.y_taken.emit(True)
+    plot.view.y_set_by_user.emit(True)
     plot.view.setYRange(2 * before[0], 2 * before[1], padding=0)
     panel.show_live(view)
     assert plot.view.viewRange()[1][1] == pytest.approx(2 * before[1])

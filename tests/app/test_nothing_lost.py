@@ -32,7 +32,7 @@ from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.theme import Theme
 from app.window.widgets import Sheet
-from app.words.wording import DASH, local, typed_number
+from app.words.wording import DASH, localised_number, typed_number
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis
 from instrument.capture.snapshot import FinishedShot, WaitingShot
@@ -82,7 +82,7 @@ def test_weights_are_typed_as_a_list_in_grams_and_come_back(qtbot: QtBot, typed:
     assert taken and taken[0]["weights_kg"] == "0.0205 0.1" and taken[0]["speeds_m_per_s"] == "0.05 0.1 0.2 0.35 0.6"
     sheet.show_values(Settings().values() | {"weights_kg": "0.0205 0.1"})
     shown = sheet._editors["weights_kg"]
-    assert isinstance(shown, QLineEdit) and shown.text() == f"{local('20.5')}  100"
+    assert isinstance(shown, QLineEdit) and shown.text() == f"{localised_number('20.5')}  100"
     for wrong, words in (("20,5,100", "ambiguous"), ("heavy", "not a number"), ("0.01", "outside")):
         sheet._editors["weights_kg"].setText(wrong)
         sheet.apply()

@@ -769,7 +769,7 @@ def test_the_band_is_what_the_verdict_was_judged_by(qtbot, shot):
     wandering = replace(found, fit_after=replace(found.fit_after, noise_std_m=7e-9))
     panel.show_shot(shot)
     assert "noise, path drift and floor vibration, ±2 σ" in [words for words, _ in panel._legend.entries]
-    panel.show_shot(shot, judged_by=wandering)
+    panel.show_shot(shot, band_from=wandering)
     assert "noise, from all shots, ±2 σ" in [words for words, _ in panel._legend.entries]
     panel.show_shot(replace(shot, fit=None))  # no other shot's words
     assert "noise, path drift and floor vibration, ±2 σ" in [words for words, _ in panel._legend.entries]

@@ -73,11 +73,11 @@ def test_views_are_stepped_back_and_forth_until_other_shots_are_drawn(stack) -> 
     assert stack.step_view(-1) and stack.span == pytest.approx((30.0, 40.0))
     assert stack.step_view(-1) and stack.span == pytest.approx((10.0, 20.0))
     assert stack.step_view(1) and stack.span == pytest.approx((30.0, 40.0))
-    stack.tell((1,), "shot 1")
+    stack.set_shots((1,), "shot 1")
     assert stack.accessibleDescription() == "shot 1" and stack.shows == (1,)
     assert not stack.step_view(-1) and not stack.step_view(1)
     stack.zoom(10.0, 20.0)
-    stack.tell((1,), "shot 1")
+    stack.set_shots((1,), "shot 1")
     assert stack.step_view(-1) and stack.span == pytest.approx((30.0, 40.0))
 
 

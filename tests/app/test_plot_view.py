@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QWidget
 
 from analysis.drive.curves import drive_curves
 from app.session.session import Session
-from app.window.file_dialog import Want, ask
+from app.window.file_dialog import PathKind, ask
 from app.window.layout import Layout
 from app.window.plots.cursors import CursorReadout
 from app.window.plots.plot_view import PlotView
@@ -131,7 +131,7 @@ def test_box_wheel_back_and_forward(panels, name):
     y = view.viewRange()[1]
     view.mouseDragEvent(_Drag())
     assert view.viewRange()[0] != x and view.viewRange()[1] == y
-    plot.tell((object(),), "another shot")
+    plot.set_shots((object(),), "another shot")
     assert not plot.step_view(-1)
 
 
@@ -254,7 +254,7 @@ def test_a_saved_picture_bears_the_legend_of_its_lines(panels, tmp_path):
 def test_a_question_for_files_starts_in_the_folder_it_is_given(qtbot, tmp_path):
     parent = QWidget()
     qtbot.addWidget(parent)
-    opened = ask(parent, "Open recordings", Want.FILES, lambda _: None, tmp_path)
-    saved = ask(parent, "Save the plot as PNG", Want.NEW_FILE, lambda _: None, tmp_path / "plot.png", "PNG (*.png)")
+    opened = ask(parent, "Open recordings", PathKind.FILES, lambda _: None, tmp_path)
+    saved = ask(parent, "Save the plot as PNG", PathKind.NEW_FILE, lambda _: None, tmp_path / "plot.png", "PNG (*.png)")
     assert {Path(dialog.directory().absolutePath()) for dialog in (opened, saved)} == {tmp_path}
     assert Path(saved.selectedFiles()[0]) == tmp_path / "plot.png"

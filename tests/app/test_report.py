@@ -22,7 +22,7 @@ from app.report.page import MOST_DRAWN, report_of
 from app.report.pdf import rules_of, with_own_style, write_pdf
 from app.report.provenance import taken_with
 from app.report.shot_figures import figures
-from app.report.svg_plot import Line, Plot, draw, style_sheet, thin_out, ticks
+from app.report.svg_plot import Line, Plot, decimate_curve, draw, style_sheet, ticks
 from app.words.markup import Markup, tag
 from app.words.markup import table as tag_table
 from instrument.files.recording_file import read_recording
@@ -208,7 +208,7 @@ def test_no_peak_is_lost_and_no_more_than_two_points_a_pixel() -> None:
     y = random.normal(size=x.size)
     y[61_234], y[777] = 50.0, -40.0
     y[20_000:30_000] = np.nan
-    at, values = thin_out(x, y, x[0], x[-1], 600)
+    at, values = decimate_curve(x, y, x[0], x[-1], 600)
     assert at.size <= 1200
     assert np.nanmax(values) == 50.0 and np.nanmin(values) == -40.0
     assert np.isnan(values[(at > x[20_500]) & (at < x[29_500])]).all()

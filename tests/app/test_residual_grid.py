@@ -55,7 +55,7 @@ def _cell(values: list[float], noise: float = 1e-10, before: np.ndarray | None =
 def _grid(qtbot, cells: list[Cell]) -> ResidualGrid:
     grid = ResidualGrid()
     qtbot.addWidget(grid)
-    grid.dress(LIGHT)
+    grid.apply_colours(LIGHT)
     grid.resize(600, 400)
     grid.show_cells(cells)
     return grid

@@ -16,7 +16,7 @@ from analysis.shot.shot import AnalysisSettings
 from analysis.uncertainty import combined_of
 from app.session.entry import Entry
 from app.session.verdict_basis import VerdictBasis
-from app.window.panels.session_model import FLAGS, NAME, NOTE, VERDICT, Order, SessionModel, ordered, place_of
+from app.window.panels.session_model import FLAGS, NAME, NOTE, VERDICT, SessionModel, TableOrder, ordered, place_of
 from app.words.wording import concise_text
 from tests.app import synthetic
 
@@ -32,7 +32,7 @@ def _entry(number: int, name: str = "a-1", **more: object) -> Entry:
 @given(st.lists(st.one_of(st.none(), st.just(float("nan")), st.integers(-3, 3).map(float)), max_size=12), st.booleans())
 def test_values_are_in_order_either_way_equal_ones_as_taken_and_missing_ones_last(values, falling) -> None:
     entries = [_entry(n) for n in range(len(values))]
-    rows = ordered(entries, Order(column=3, falling=falling), lambda entry: values[entry.number], lambda entry: "")
+    rows = ordered(entries, TableOrder(column=3, falling=falling), lambda entry: values[entry.number], lambda entry: "")
     there = [n for n, value in enumerate(values) if value is not None and not np.isnan(value)]
     missing = [n for n in range(len(values)) if n not in there]
     # a stable order: what is equal stays in the order taken, falling as well
@@ -42,11 +42,11 @@ def test_values_are_in_order_either_way_equal_ones_as_taken_and_missing_ones_las
 
 def test_texts_are_in_order_whatever_their_capitals_and_all_words_must_occur() -> None:
     entries = [_entry(1, "beta"), _entry(2, "Alpha"), _entry(3, ""), _entry(4, "alp")]
-    rows = ordered(entries, Order(column=2), lambda entry: entry.name, lambda entry: entry.name)
+    rows = ordered(entries, TableOrder(column=2), lambda entry: entry.name, lambda entry: entry.name)
     assert [row.number for row in rows] == [4, 2, 1, 3]
-    found = ordered(entries, Order(words="ALP ha"), None, lambda entry: entry.name)
+    found = ordered(entries, TableOrder(words="ALP ha"), None, lambda entry: entry.name)
     assert [row.number for row in found] == [2]
-    assert ordered(entries, Order(words="  "), None, lambda entry: entry.name) == tuple(entries)
+    assert ordered(entries, TableOrder(words="  "), None, lambda entry: entry.name) == tuple(entries)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_groups_come_in_the_order_of_their_first_shots_with_their_numbers(group:
         _entry(3, "south_ 2", shot=dated("2026-05-02T09:00:00Z"), verdict="adequate"),
         replace(_entry(4, "north-2", shot=dated("2026-05-01T10:00:00Z")), settings=AnalysisSettings(model="contact")),
     ]
-    rows = ordered(entries, Order(group=group), None, lambda entry: "")
+    rows = ordered(entries, TableOrder(group=group), None, lambda entry: "")
     assert [row for row in rows if isinstance(row, str)] == headings
     assert sorted(row.number for row in rows if isinstance(row, Entry)) == [1, 2, 3, 4]
 
@@ -160,7 +160,7 @@ def test_only_notes_are_edited_and_only_a_change_is_told(model, qtbot) -> None:
 
 
 def test_a_heading_is_bold_stands_in_the_first_column_and_cannot_be_chosen(model) -> None:
-    model.arrange(Order(group="model"))
+    model.arrange(TableOrder(group="model"))
     assert model.identities == ["paper   (3)", 1, 2, 3] and model.entry_at(0) is None and model.entry_at(9) is None
     assert [_shown(model, 0, column) for column in (0, 1, 5)] == ["paper   (3)", "", ""]
     assert _shown(model, 0, 0, FONT).bold() and _shown(model, 0, 3, FONT).bold()  # type: ignore[union-attr]
@@ -173,7 +173,7 @@ def test_what_is_searched_is_names_verdicts_notes_and_flags_in_words(model) -> N
     for words, numbers in (
         ("first", [1]), ("cut off", [1]), ("clipped", [1]), ("bad", [3]), ("waiting", [2]), ("nowhere", []),
     ):  # fmt: skip
-        model.arrange(Order(words=words))
+        model.arrange(TableOrder(words=words))
         assert model.identities == numbers, words
 
 
@@ -188,5 +188,5 @@ def test_rows_that_only_changed_or_came_last_keep_the_others_where_they_are(mode
         model.show_entries(model.entries[1:])
     column = next(n for n, one in enumerate(model.columns) if one.number is not None)
     model.show_entries((_entry(1), *model.entries))
-    model.arrange(Order(column=0, falling=True))
+    model.arrange(TableOrder(column=0, falling=True))
     assert model.identities == [5, 4, 3, 2, 1] and column > 0

@@ -16,7 +16,7 @@ from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.settings import FIELDS, SITES, Settings, WrongSettings, correction_words
 from app.session.settings_store import SettingsStore
-from app.window.file_dialog import Want
+from app.window.file_dialog import PathKind
 from app.window.panels import settings_sheet
 from app.window.panels.settings_sheet import SettingsSheet
 from instrument.devices.digitizer import CaptureSettings
@@ -195,7 +195,7 @@ def test_a_folder_is_chosen_by_the_button_beside_its_field(qtbot, monkeypatch, t
     monkeypatch.setattr(settings_sheet, "ask_for_one", answered)
     (browse,) = [button for button in sheet.findChildren(QPushButton) if button.text() == "…"]
     browse.click()
-    assert asked == [(Want.FOLDER, "/before")]
+    assert asked == [(PathKind.FOLDER, "/before")]
     with qtbot.waitSignal(sheet.applied) as applied:
         sheet.apply()
     assert applied.args[0]["folder"] == str(tmp_path)

@@ -64,7 +64,7 @@ def test_the_criteria_are_levels_in_micrometres_per_second(panel) -> None:
         assert 10 ** np.asarray(x) == pytest.approx([8.0, 80.0]) and 10 ** np.asarray(y) == pytest.approx(level)
         assert label.isVisible() == (name in LABELLED) and label.textItem.toPlainText() == name
         assert 10 ** label.pos().y() == pytest.approx(level) and 80.0 < 10 ** label.pos().x() < 90.0
-    panel.dress(LIGHT)
+    panel.apply_colours(LIGHT)
     assert {label.color.name() for label in panel._names} == {LIGHT.faint}
 
 

@@ -62,7 +62,7 @@ def _channel(role: Role, snr_db: float | None = 40.0, frequency_hz: float | None
 
 def test_the_signal_line_judges_each_beat():
     def tone(channel):
-        return state_words.signs(SignalLine((_channel(Role.REFERENCE), channel)), 1e7, 1e4)["pd1"].tone
+        return state_words.tile_texts(SignalLine((_channel(Role.REFERENCE), channel)), 1e7, 1e4)["pd1"].tone
 
     assert tone(_channel(Role.MEASUREMENT)) is Tone.GOOD
     assert tone(_channel(Role.MEASUREMENT, 20.0)) is Tone.WARNING
@@ -76,7 +76,7 @@ def test_the_signal_line_judges_each_beat():
 def test_no_noise_floor_is_told_while_the_block_moves(frequency_hz, shown):
     """A beat that sweeps has its own spectrum beside its line: that passed for 56 µm/s of noise."""
     line = SignalLine((_channel(Role.REFERENCE), _channel(Role.MEASUREMENT, 12.0, frequency_hz)))
-    assert shown in state_words.signs(line, 1e7, 1e4)["floor"].words
+    assert shown in state_words.tile_texts(line, 1e7, 1e4)["floor"].words
 
 
 def test_a_shot_that_is_only_in_memory_is_not_called_saved():
@@ -96,9 +96,11 @@ def test_shots_that_wait_for_their_analysis_are_told(count, words):
 
 
 def test_a_disk_that_is_nearly_full_or_closed_to_us_is_bad():
-    full = state_words.signs(SignalLine(disk_free_bytes=10**8, folder=Path("/x")), None, 1e4)["disk"]
-    closed = state_words.signs(SignalLine(disk_free_bytes=10**12, folder_problem="no permission"), None, 1e4)["disk"]
-    roomy = state_words.signs(SignalLine(disk_free_bytes=3 * 10**9, folder=Path("/x")), None, 1e4)["disk"]
+    full = state_words.tile_texts(SignalLine(disk_free_bytes=10**8, folder=Path("/x")), None, 1e4)["disk"]
+    closed = state_words.tile_texts(SignalLine(disk_free_bytes=10**12, folder_problem="no permission"), None, 1e4)[
+        "disk"
+    ]
+    roomy = state_words.tile_texts(SignalLine(disk_free_bytes=3 * 10**9, folder=Path("/x")), None, 1e4)["disk"]
     assert full.tone is closed.tone is Tone.BAD and roomy.tone is Tone.GOOD
     assert closed.hover == "no permission"
 
@@ -117,7 +119,7 @@ def test_the_velocity_floor_is_what_white_phase_noise_gives():
 
 
 def _signs(*channels, **line):
-    return state_words.signs(SignalLine(channels, **line), 1e7, 1e4)
+    return state_words.tile_texts(SignalLine(channels, **line), 1e7, 1e4)
 
 
 @pytest.mark.parametrize(

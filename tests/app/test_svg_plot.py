@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.report.svg_plot import WIDTH, Band, Dot, Line, Plot, Remark, draw, thin_out, ticks
+from app.report.svg_plot import WIDTH, Band, Dot, Line, NoteMark, Plot, decimate_curve, draw, ticks
 
 
 class Read(HTMLParser):
@@ -126,7 +126,7 @@ def test_a_band_reaches_to_both_sides_and_sets_the_height_by_all_but_its_extreme
 )
 def test_a_remark_s_text_lies_towards_the_middle_of_the_plot(x: float, y: float, side: str, below: bool) -> None:
     frame = Line(np.array([0.0, 1.0]), np.array([0.0, 1.0]), "measured")
-    seen = Read(Plot("x", "y", (frame,), remarks=(Remark(x, y, "look"), Remark(1.1, 5.0, "outside"))))
+    seen = Read(Plot("x", "y", (frame,), remarks=(NoteMark(x, y, "look"), NoteMark(1.1, 5.0, "outside"))))
     ((given, text),) = seen.all("text", side)
     ((dot, _),) = seen.all("circle", "remark-dot")
     assert text == "look" and [seen.scale("x")(dot["cx"]), seen.scale("y")(dot["cy"])] == pytest.approx(
@@ -193,7 +193,7 @@ def test_thinned_out_a_column_keeps_its_lowest_and_highest_in_their_order(seed: 
     if gaps:
         y[random.random(400) < 0.5] = np.nan
     left, right = 0.0, 10.0
-    at, kept = thin_out(x, y, left, right, columns)
+    at, kept = decimate_curve(x, y, left, right, columns)
     begin, end = np.searchsorted(x, (left, right))
     x, y = x[begin : end + 1], y[begin : end + 1]
     if x.size <= 2 * columns:

@@ -61,7 +61,7 @@ def test_paper_panel_shows_every_row(qtbot: QtBot) -> None:
     opened = next(item for what, item in by_what.items() if what.startswith("velocity after release (m/s)"))
     assert "open" in opened.text(6) and opened.foreground(6).color().name() != shown[0].foreground(6).color().name()
     assert opened.childCount() == 1 and "cause not found" in opened.child(0).text(0)
-    panel.dress(DARK)
+    panel.apply_colours(DARK)
     assert panel.table.topLevelItemCount() == len(sections)
 
 

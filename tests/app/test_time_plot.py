@@ -91,17 +91,17 @@ def test_an_axis_set_by_hand_stays_until_it_is_freed_and_is_brought_back_as_it_w
     plot.fit_y()
     before = plot.state
     assert before == ((0.0, 49.0), pytest.approx((-0.8, 10.8)), False)
-    plot.view.y_taken.emit(True)
+    plot.view.y_set_by_user.emit(True)
     plot.view.setYRange(-1.0, 1.0, padding=0)
     _plot(stack, 10.0, 90.0)
     plot.fit_y()
     by_hand = plot.state
     assert by_hand == ((10.0, 90.0), (-1.0, 1.0), True)
-    plot.bring(before)
+    plot.restore(before)
     assert plot.state == before
     _plot(stack, 50.0, 99.0)
     assert _values(plot) == pytest.approx((-10.0 - 0.58 * 60, -10.0 + 0.58 * 60))  # free again
-    plot.bring(by_hand)
+    plot.restore(by_hand)
     assert plot.state == by_hand
     plot.free_y()
     assert _values(plot) != (-1.0, 1.0) and not plot.state[2]

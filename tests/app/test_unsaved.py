@@ -12,7 +12,7 @@ from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.workbench import Event, EventKind, Workbench
 from app.window.main_window import open_window
-from instrument.files.recording_error import PartlySaved, RecordingError
+from instrument.files.recording_error import RecordingError, SomeShotsNotSaved
 from instrument.files.recording_file import open_recording
 from instrument.files.recording_writer import RecordingWriter
 from tests.app import rigs, synthetic
@@ -90,7 +90,9 @@ def test_a_shot_in_memory_is_saved_elsewhere_by_the_banners_button(
 
 def test_what_was_saved_before_the_disk_failed_keeps_its_path(qtbot: QtBot, tmp_path: Path) -> None:
     def save(folder: Path) -> dict[str, Path]:
-        raise PartlySaved(RecordingError(folder, "No space left on device"), {"shot-0001": folder / "a.sigmf-meta"})
+        raise SomeShotsNotSaved(
+            RecordingError(folder, "No space left on device"), {"shot-0001": folder / "a.sigmf-meta"}
+        )
 
     workbench = Workbench(Session(tmp_path / "session.json"), AnalysisSettings)
     try:

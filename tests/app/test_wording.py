@@ -27,7 +27,7 @@ def german():
 def test_not_seen_is_a_dash_with_its_reason_and_never_zero():
     assert wording.value_text(NotSeen("too short")) == "–"
     assert wording.concise_text(None) == "–"
-    assert "too short" in wording.how_text("COR", NotSeen("too short"))
+    assert "too short" in wording.reading_tooltip("COR", NotSeen("too short"))
 
 
 def test_value_and_uncertainty_are_scaled_and_rounded_together():
@@ -102,13 +102,15 @@ def test_brackets_hold_two_digits_of_the_uncertainty(reading, scale, said) -> No
 
 
 def test_a_hover_says_how_a_number_was_read_and_what_its_uncertainty_is() -> None:
-    read = str(wording.how_text("COR", Quantity(0.9, 0.1, "a line"), "the restitution", std="± is small."))
+    read = str(wording.reading_tooltip("COR", Quantity(0.9, 0.1, "a line"), "the restitution", std="± is small."))
     assert [part in read for part in ("COR", "the restitution", "Read from: a line", "± is small.")] == 4 * [True]
     for bare in (Quantity(0.9, 0.0), Quantity(0.9, float("inf"))):
-        assert "±" not in wording.how_text("COR", bare) and "Read from" not in wording.how_text("COR", bare)
-    assert "± is the standard uncertainty." in wording.how_text("COR", Quantity(0.9, 0.1))
-    assert "No shot yet." in wording.how_text("COR", None)
-    assert "No shot yet." not in wording.how_text("COR", NotSeen("too short"))
+        assert "±" not in wording.reading_tooltip("COR", bare) and "Read from" not in wording.reading_tooltip(
+            "COR", bare
+        )
+    assert "± is the standard uncertainty." in wording.reading_tooltip("COR", Quantity(0.9, 0.1))
+    assert "No shot yet." in wording.reading_tooltip("COR", None)
+    assert "No shot yet." not in wording.reading_tooltip("COR", NotSeen("too short"))
 
 
 def test_times_and_sizes_on_a_disk() -> None:
@@ -158,14 +160,14 @@ def test_a_long_name_keeps_its_two_ends():
 
 def test_a_sentence_of_the_diagnosis_is_put_as_the_screen_puts_numbers(german):
     told = "stiffness below 9e+01 N/m³; friction below 3e-08 N; 0.0001; (2.0 ± 0.1)e-4; file shot-1.csv"
-    assert wording.local_words(told) == (
+    assert wording.localised_text(told) == (
         "stiffness below 90 N/m³; friction below 3e-8 N; 0,0001; (2,0 ± 0,1)e-4; file shot-1.csv"
     )
     assert number(-0.0) == "0"
 
 
 def test_a_sentence_has_peoples_names_with_a_capital_and_a_true_arrow():
-    said = wording.local_words("The drive has coulomb friction and stribeck friction. Force error 9.16 -> 1.01 N.")
+    said = wording.localised_text("The drive has coulomb friction and stribeck friction. Force error 9.16 -> 1.01 N.")
     assert said == "The drive has Coulomb friction and Stribeck friction. Force error 9.16 → 1.01 N."
 
 

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M
 from instrument.bench.effects import Effects, complete, draw, effects_of_shot, force_slots
 from instrument.bench.frame import Frame, frame_of
+from instrument.bench.measured_path import clamp_motion, measured_path, with_cyclic_error
 from instrument.bench.mechanics import Bodies, Trajectory, collide
-from instrument.bench.observation import observed, plate_support, with_leak
 from instrument.bench.optics import Optics
 from instrument.bench.site import QUIET, Site
 from tests.bench.displacement_noise import Noise, cyclic_m
@@ -116,7 +116,7 @@ def run(truth: Truth, shot: int, bodies: Bodies | None = None, speed_m_per_s: fl
         duration_s=take.duration_s,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
         steps_s=_STEPS_S,
-        frame=plate_support(_frame(truth, shot), effects),
+        frame=clamp_motion(_frame(truth, shot), effects),
     )
 
 
@@ -124,7 +124,7 @@ def _frame(truth: Truth, shot: int) -> Frame | None:
     if not truth.site.moves:
         return None
     seed = int(np.random.default_rng((truth.seed, shot, 0x5E)).integers(2**62))
-    return frame_of(truth.site, seed).knocked(0.0, shot)
+    return frame_of(truth.site, seed).with_knocks(0.0, shot)
 
 
 def times_s(take: Take = _USUAL) -> Floats:
@@ -143,8 +143,8 @@ def clean_m(
     effects = truth.of_shot(shot)
     time_s = times_s(truth.take(shot)) if time_s is None else time_s
     trajectory = run(truth, shot, bodies, speed_m_per_s)
-    x, v = observed(trajectory, effects, time_s)
-    optics = with_leak(Optics(wavelength_m=DEFAULT_WAVELENGTH_AIR_M), effects)
+    x, v = measured_path(trajectory, effects, time_s)
+    optics = with_cyclic_error(Optics(wavelength_m=DEFAULT_WAVELENGTH_AIR_M), effects)
     if optics.leak_m != 0.0:
         x = x + _passed(optics, v) * cyclic_m(optics, x)
     return x

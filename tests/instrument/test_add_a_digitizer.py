@@ -61,5 +61,5 @@ def test_every_source_of_the_help_is_a_row() -> None:
     for parser in (flat_parser(), command_parser("acquire"), command_parser("doctor")):
         assert source_words() in " ".join(parser.format_help().split())
     for source in sources.SOURCES:
-        assert callable(sources.imported(source.opener))
-        assert not source.finder or callable(sources.imported(source.finder))
+        assert callable(sources.import_function(source.opener))
+        assert not source.finder or callable(sources.import_function(source.finder))

@@ -62,7 +62,7 @@ def test_who_holds_on_is_told_and_nothing_is_lost(tmp_path: Path, monkeypatch: p
 
 def test_where_nobody_holds_it_nobody_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "replace", Held(10**9))
-    monkeypatch.setattr(atomic_file, "_may_be_held", lambda target: False)
+    monkeypatch.setattr(atomic_file, "_may_be_open_elsewhere", lambda target: False)
     began = time.monotonic()
     with pytest.raises(PermissionError):
         replace_file(tmp_path / "new", tmp_path / "old")

@@ -12,7 +12,7 @@ import pytest
 
 from instrument.devices import device_search, doctor, hantek6022_firmware, usb_bus
 from instrument.devices.digitizer import DigitizerError
-from instrument.devices.doctor import Check, Grade, examine
+from instrument.devices.doctor import Check, Grade, check_computer
 from tests.instrument.devices.scripted_usb import Plugged, ScriptedUsb
 
 TMC = {"interface_class": (0xFE, 3, 1), "endpoints": ((0x82, 2), (0x03, 2))}
@@ -63,7 +63,7 @@ def test_ni_cards_are_named_with_what_they_lack(monkeypatch: pytest.MonkeyPatch,
 
 def test_every_check_is_one_line(tmp_path: Path) -> None:
     bus = ScriptedUsb([Plugged(0x1D50, 0x608E, forbidden=True), Plugged(0x1AB1, 0x04CE, address=3, **TMC)])
-    checks = examine(tmp_path / "not" / "yet", bus)
+    checks = check_computer(tmp_path / "not" / "yet", bus)
     names = {check.name for check in checks}
     assert {"Python", "numpy", "USB library", "device", "Hantek firmware", "niscope", "disk"} <= names
     assert all(check.line and "\n" not in check.line for check in checks)
@@ -77,7 +77,7 @@ def test_a_missing_usb_library_is_a_warning_with_its_remedy(monkeypatch: pytest.
         raise DigitizerError("the USB library libusb-1.0 was not found", usb_bus.LIBRARY_REMEDY)
 
     monkeypatch.setattr(usb_bus, "find_backend", missing)
-    found = {check.name: check for check in examine(tmp_path)}
+    found = {check.name: check for check in check_computer(tmp_path)}
     assert found["USB library"].grade is Grade.WARN
     assert "apt install libusb-1.0-0" in found["USB library"].line
     assert found["devices"].grade is Grade.WARN
@@ -95,7 +95,7 @@ def test_a_missing_usb_library_is_a_warning_with_its_remedy(monkeypatch: pytest.
 def test_disk_room_is_graded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, free: int, grade: str) -> None:
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(doctor.shutil, "disk_usage", lambda place: usage(1 << 40, 0, free))
-    found = next(c for c in examine(tmp_path, ScriptedUsb([])) if c.name == "disk")
+    found = next(c for c in check_computer(tmp_path, ScriptedUsb([])) if c.name == "disk")
     assert found.grade == grade and found.line.startswith(f"{free / 1e9:.1f} GB free for {tmp_path}")
     left = "room for 9 shots; free some or choose another folder"  # of 20 MiB
     assert (left in found.line) == (grade == "fail")
@@ -114,7 +114,7 @@ def test_of_a_bare_computer_every_check_is_told_with_what_is_missing(
     monkeypatch.setattr(sys, "platform", "linux")
     monkeypatch.setattr(sys, "version_info", (3, 10, 9))
     packages = ("numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "pyqtgraph", "pyusb")
-    found = examine(tmp_path, ScriptedUsb([]))
+    found = check_computer(tmp_path, ScriptedUsb([]))
     assert [(check.name, check.grade.value) for check in found] == [
         ("Python", "fail"),
         *((name, "fail") for name in packages),
@@ -129,17 +129,19 @@ def test_of_a_bare_computer_every_check_is_told_with_what_is_missing(
     assert lines["niscope"].startswith("not installed, needed for NI cards only; pip install 'levimass[niscope]'")
     (tmp_path / "70-levimass.rules").touch()
     monkeypatch.setattr(sys, "version_info", (3, 11))
-    installed = {check.name: check for check in examine(tmp_path, ScriptedUsb([]))}
+    installed = {check.name: check for check in check_computer(tmp_path, ScriptedUsb([]))}
     assert installed["Python"].grade is Grade.OK
     assert installed["USB permission"] == Check("USB permission", Grade.OK, f"udev rule installed in {tmp_path}")
     monkeypatch.setattr(sys, "platform", "darwin")
-    assert "USB permission" not in {check.name for check in examine(tmp_path, ScriptedUsb([]))}
+    assert "USB permission" not in {check.name for check in check_computer(tmp_path, ScriptedUsb([]))}
     monkeypatch.setattr(importlib.metadata, "version", lambda name: f"{name} 9")
-    there = {check.name: check.line for check in examine(tmp_path, ScriptedUsb([]))}
+    there = {check.name: check.line for check in check_computer(tmp_path, ScriptedUsb([]))}
     assert there["numpy"] == "numpy 9" and there["pyvisa"] == "pyvisa 9"
     assert there["niscope"].startswith("not installed, needed for NI cards only")  # it cannot be imported all the same
     monkeypatch.setitem(sys.modules, "niscope", ModuleType("niscope"))
-    assert {check.name: check.line for check in examine(tmp_path, ScriptedUsb([]))}["niscope"] == "package niscope 9"
+    assert {check.name: check.line for check in check_computer(tmp_path, ScriptedUsb([]))}[
+        "niscope"
+    ] == "package niscope 9"
 
 
 def test_the_doctor_survives_a_part_that_fails(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -147,13 +149,13 @@ def test_the_doctor_survives_a_part_that_fails(monkeypatch: pytest.MonkeyPatch, 
         raise RuntimeError("sysfs\nis odd")
 
     monkeypatch.setattr(doctor, "_devices", broken)
-    devices = next(c for c in examine(tmp_path, ScriptedUsb([])) if c.name == "devices")
+    devices = next(c for c in check_computer(tmp_path, ScriptedUsb([])) if c.name == "devices")
     assert (devices.grade, devices.line) == (Grade.FAIL, "could not be examined: sysfs is odd")
 
 
 def test_the_udev_rule_covers_every_device_the_drivers_know() -> None:
     rule = device_search.udev_rule_path().read_text()
-    for vendor, product in (*hantek6022_firmware.COLD_IDS, *hantek6022_firmware.WARM_IDS):
+    for vendor, product in (*hantek6022_firmware.IDS_WITHOUT_FIRMWARE, *hantek6022_firmware.IDS_WITH_FIRMWARE):
         assert re.search(f'"{vendor:04x}".*"{product:04x}".*uaccess', rule)
     from instrument.devices.usbtmc import VENDORS
 

@@ -14,7 +14,7 @@ from instrument.capture.finished_shots import ABORTED, FinishedShots
 from instrument.capture.recorder import GrowingShot, Recorded, Recorder, _highest_number, save_elsewhere
 from instrument.capture.snapshot import FinishedShot, WaitingShot
 from instrument.devices.digitizer import CaptureSettings
-from instrument.files.recording_error import PartlySaved, RecordingError
+from instrument.files.recording_error import RecordingError, SomeShotsNotSaved
 from instrument.files.recording_file import read_recording
 
 SETTINGS = CaptureSettings(1e6, 100, 20)
@@ -108,7 +108,7 @@ def test_shots_in_memory_are_saved_in_their_order_and_the_first_that_fails_stays
 
     GONE.clear()
     monkeypatch.setattr(finished_shots, "save_elsewhere", full)
-    with pytest.raises(PartlySaved, match="still full") as partly:
+    with pytest.raises(SomeShotsNotSaved, match="still full") as partly:
         finished.save_pending(tmp_path)
     assert partly.value.saved == {"a": tmp_path / "a.sigmf-meta"} and finished.unsaved == ("b", "c")
     assert GONE == ["a"]  # of what was begun on the full disk

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from analysis.shot.recording import Gap, Recording
-from instrument.files.recording_error import RecordingError, RecordingExists, cause_of, one_line, shown
+from instrument.files.recording_error import RecordingError, RecordingExists, one_line, shown, system_message
 from instrument.files.recording_metadata import metadata_json, read_metadata
 from instrument.files.recording_writer import write_recording
 
@@ -207,7 +207,7 @@ def test_a_value_is_shown_in_one_short_line() -> None:
     assert shown(10**18 - 1) == "9" * 18 and shown("ab") == "'ab'"
     assert shown("x" * 58) == f"'{'x' * 58}'" and shown("x" * 5000) == "'" + "x" * 56 + "..."
     refused = (OSError(28, "No space left on device", "/a"), OSError("odd"))
-    assert [cause_of(error) for error in refused] == ["No space left on device", "odd"]
+    assert [system_message(error) for error in refused] == ["No space left on device", "odd"]
     assert str(RecordingExists(Path("a"))) == "a: exists already; a recording is never overwritten"
     assert str(RecordingError("a", "c", "k")) == "a: k: c" and RecordingError(Path("a"), "c", "k").path == "a"
     assert str(RecordingError("a", "c" * 700)) == "a: " + "c" * 594 + "..."

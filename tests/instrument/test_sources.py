@@ -11,14 +11,14 @@ from instrument.devices.digitizer import DigitizerError
 from instrument.devices.source_options import SourceOptions
 from instrument.devices.sources import (
     SOURCES,
-    at_site,
-    imported,
+    import_function,
     is_bench,
     listed_sources,
     open_source,
-    pushed,
     source_of,
     source_words,
+    with_push,
+    with_site,
 )
 from tests.instrument.devices.scripted_usb import In, Plugged, ScriptedUsb
 
@@ -60,16 +60,16 @@ def test_a_wrong_source_is_one_clear_line(text: str, line: str) -> None:
 
 
 def test_a_bench_stands_where_it_is_put() -> None:
-    assert at_site("bench", "VC-D") == "bench?site=VC-D"
-    assert at_site("bench?effect=tilt", "my site&.toml") == "bench?effect=tilt&site=my%20site%26.toml"
-    assert at_site("bench?site=VC-A", "VC-D") == "bench?site=VC-A"
-    assert at_site("scpi:host?channels=1", "VC-D") == "scpi:host?channels=1"
+    assert with_site("bench", "VC-D") == "bench?site=VC-D"
+    assert with_site("bench?effect=tilt", "my site&.toml") == "bench?effect=tilt&site=my%20site%26.toml"
+    assert with_site("bench?site=VC-A", "VC-D") == "bench?site=VC-A"
+    assert with_site("scpi:host?channels=1", "VC-D") == "scpi:host?channels=1"
 
 
 def test_a_push_of_the_bench_is_set_and_nothing_else() -> None:
-    once = pushed("bench?effect=tilt&seed=4", 0.35, 0.05, 3)
+    once = with_push("bench?effect=tilt&seed=4", 0.35, 0.05, 3)
     assert once == "bench?effect=tilt&seed=4&speed=0.3500&added=0.05000&first=3"
-    assert pushed(once, 0.1, 0.0, 4) == "bench?effect=tilt&seed=4&speed=0.1000&added=0.00000&first=4"
+    assert with_push(once, 0.1, 0.0, 4) == "bench?effect=tilt&seed=4&speed=0.1000&added=0.00000&first=4"
     assert open_source(once).setup.moving_mass_kg == pytest.approx(17.85e-3 + 0.05)
 
 
@@ -107,7 +107,7 @@ def test_what_is_told_of_the_sources() -> None:
         ("replay:", "Play a recording …"),
     ]
     told = {
-        source.name: (source.simulated, source.knows_its_rig, source.in_subprocess, source.remembered, source.finder)
+        source.name: (source.simulated, source.states_setup, source.in_subprocess, source.remembered, source.finder)
         for source in SOURCES
     }
     assert told == {
@@ -124,7 +124,9 @@ def test_what_is_told_of_the_sources() -> None:
 
 def test_every_source_can_be_opened_and_a_package_that_is_missing_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     for source in SOURCES:
-        assert callable(imported(source.opener)) and (not source.finder or callable(imported(source.finder)))
+        assert callable(import_function(source.opener)) and (
+            not source.finder or callable(import_function(source.finder))
+        )
     monkeypatch.setitem(sys.modules, "instrument.bench", None)
     with pytest.raises(DigitizerError, match=r"this source needs instrument\.bench, which is not installed"):
         open_source("bench")

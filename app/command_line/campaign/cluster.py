@@ -13,7 +13,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from analysis.shot import program
-from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, unfit
+from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, why_unusable
 from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost, error_words
 from app.command_line.outputs import say
 
@@ -37,7 +37,7 @@ class Cluster:
     """Workers of a scheduler that have this program, can read the shots' folders and can write to the export folder."""
 
     def __init__(self, address: str, todo: Sequence[Task], *, insecure: bool = False) -> None:
-        if not insecure and not guarded(address):
+        if not insecure and not is_secure(address):
             raise WorkersLost(0, _UNSAFE, address)
         self._address, self._client = address, _client(address)
         folders = sorted({str(Path(task.path).parent) for task in todo})[:_MOST_FOLDERS]
@@ -152,7 +152,7 @@ class Cluster:
             if worker not in there:
                 del self._checking[worker]
         for worker in there - self._fit - set(self._checking) - set(self._unfit):
-            question = self._submit(unfit, *self._check_of_folders, workers=[worker], pure=False, priority=10)
+            question = self._submit(why_unusable, *self._check_of_folders, workers=[worker], pure=False, priority=10)
             self._checking[worker] = question, time.monotonic()
 
     def _listen_for_silence(self, last_s: dict[str, float], now: float) -> None:
@@ -218,7 +218,7 @@ def _silence_libraries() -> None:
             logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
-def guarded(address: str) -> bool:
+def is_secure(address: str) -> bool:
     """Return whether a scheduler's address is on this machine, or protected by TLS."""
     scheme, there, rest = address.partition("://")
     if not there:

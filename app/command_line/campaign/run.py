@@ -12,9 +12,9 @@ from analysis.report import SCHEMA
 from analysis.shot import AnalysisError, AnalysisSettings, program_version
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.task import Entry, NotReached, Task, failed_entry, tasks_of
-from app.command_line.campaign.worker_pool import Processes, WorkerPool
+from app.command_line.campaign.worker_pool import ProcessPool, WorkerPool
 from app.command_line.options import known_model
-from app.command_line.outputs import Outputs, check_outputs, in_a_line, problem_line, say
+from app.command_line.outputs import Outputs, check_outputs, error_line, problem_line, say
 from app.report import write_shots
 from instrument.files import RecordingError, find_recordings, write_text_atomic
 
@@ -62,7 +62,7 @@ def campaign(
                     not_reached = _run(pool, todo, journal, already=len(tasks) - len(todo))
             return _write_results(found, tasks, journal, not_reached, outputs.json, outputs.export)
     except (AnalysisError, RecordingError, OSError) as error:
-        say(in_a_line(error, model or workers.scheduler or outputs.export))
+        say(error_line(error, model or workers.scheduler or outputs.export))
         return 1
 
 
@@ -73,7 +73,7 @@ def _journal(json_to: str | None, export_to: Path | None, tasks: Sequence[Task])
 
 def _worker_pool(workers: WorkerChoice, todo: Sequence[Task]) -> WorkerPool:
     if workers.scheduler is None:
-        return Processes(workers.jobs or 1)
+        return ProcessPool(workers.jobs or 1)
     from app.command_line.campaign.cluster import Cluster  # needs the optional dask.distributed
 
     return Cluster(workers.scheduler, todo, insecure=workers.insecure)

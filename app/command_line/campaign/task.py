@@ -110,7 +110,7 @@ def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
     return tuple(sizes), tuple(dates)
 
 
-def unfit(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:
+def why_unusable(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:
     """Return why this worker cannot read from and write to these folders, or None; runs in the worker."""
     if (own := program()) != wanted_program:
         return f"has levimass {own}, not {wanted_program}"

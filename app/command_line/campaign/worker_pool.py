@@ -44,7 +44,7 @@ def most_processes(system: str) -> int:
 _MOST = most_processes(sys.platform)
 
 
-class Processes:
+class ProcessPool:
     """Worker processes on this machine.
 
     A process that dies breaks the pool.  The shots under way are then repeated one at a time; a shot during which a

@@ -20,9 +20,9 @@ from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import series, straight
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_plot import TimePlot, TimeStack
-from app.window.theme import Colours, Dressed
+from app.window.theme import Colours, Themed
 from app.window.widgets import combo_box, push_button, text_label, vertical
-from app.words import lines, local, number, short_name, tag
+from app.words import lines, localised_number, number, short_name, tag
 
 
 class TrendPlot(PlainPlot):
@@ -40,8 +40,8 @@ class TrendPlot(PlainPlot):
         self.plot.addItem(self._points)
         self._curve = self.add_curve("shots")
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         self._points.setBrush(pg.mkBrush(colours.measured))
         self._points.setPen(pg.mkPen(colours.plot))
         self._bars.setData(pen=straight(colours.marker))
@@ -78,7 +78,7 @@ class TrendPlot(PlainPlot):
         unit = f" {trend.shown_unit}" if trend.shown_unit else ""
         return (
             f"{len(y)} shots: mean {number(mean, 6)}{unit}, spread {number(spread, 3)} "
-            f"({local(f'{100 * spread / abs(mean):.2g}')} %); bars: ± from each shot's noise only, "
+            f"({localised_number(f'{100 * spread / abs(mean):.2g}')} %); bars: ± from each shot's noise only, "
             f"{number(float(halves.mean()), 2)} on average"
         )
 
@@ -129,7 +129,7 @@ class _CurveNumbers(QObject):
                 self._items[index].setPos(at, value)
 
 
-class ComparePanel(Dressed, QWidget):
+class ComparePanel(Themed, QWidget):
     """The COMPARE page: overlay on the left, trend on the right."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -175,8 +175,8 @@ class ComparePanel(Dressed, QWidget):
             column.addWidget(CursorReadout(plot, self))
         self.show_entries([])
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         self._label_lines()
 
     def _label_lines(self) -> None:
@@ -213,8 +213,8 @@ class ComparePanel(Dressed, QWidget):
         else:
             self._say.setText("")
         self._label_lines()
-        self.stack.tell([e.shot for e in shown], _named(shown))
-        self.trend.tell([e.shot for e in self._entries], _named(self._entries))
+        self.stack.set_shots([e.shot for e in shown], _named(shown))
+        self.trend.set_shots([e.shot for e in self._entries], _named(self._entries))
         self._trend_chosen(0)
         curves = [curve for curve in self._velocity_curves if len(curve.samples)]
         if curves:

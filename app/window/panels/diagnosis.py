@@ -10,16 +10,16 @@ from analysis.shot import Shot
 from app.window.panels.effects import CandidateBars, EffectRows
 from app.window.panels.law_curve import LawCurve
 from app.window.panels.next_steps import NextShotCard, NextSteps
-from app.window.panels.residual_overlay import WhyCanvas
+from app.window.panels.residual_overlay import ResidualOverlay
 from app.window.panels.residuals import Residuals
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Tone, sized
 from app.window.widgets import FoldButton, keep_place, push_button, scrolled, show_toned, text_label, vertical
-from app.words import OUTDATED, VERDICTS, kept_words, local_words, short_name, tag
+from app.words import OUTDATED, VERDICTS, cached_words, localised_text, short_name, tag
 from levimass import is_drive
 
 MOST_NAMED = 5  # most shots named
-LEAST_BESIDE = 78  # least width, in letters M, for candidates and residuals side by side
+LEAST_SIDE_BY_SIDE_WIDTH = 78  # least width, in letters M, for candidates and residuals side by side
 NEAR_ONE = 1.5  # chi^2/nu below which an unexplained residual looks like noise
 
 
@@ -87,7 +87,7 @@ class DiagnosisPanel(QWidget):
         left_column.addWidget(text_label("CANDIDATES, BY EVIDENCE", left, heading=True, wrap=True))
         self.bars = CandidateBars(left)
         left_column.addWidget(self.bars, 1)
-        self.why = WhyCanvas(self.bars, split)
+        self.why = ResidualOverlay(self.bars, split)
         split.setSizes([380, 600])
         split.setChildrenCollapsible(False)
         column.addWidget(split, 1)
@@ -122,7 +122,7 @@ class DiagnosisPanel(QWidget):
 
     def _arrange_evidence(self) -> None:
         """Place the residuals to the right of the candidates, or below them on a narrow page."""
-        beside = self.width() >= LEAST_BESIDE * self.fontMetrics().horizontalAdvance("M")
+        beside = self.width() >= LEAST_SIDE_BY_SIDE_WIDTH * self.fontMetrics().horizontalAdvance("M")
         self._evidence.setOrientation(Qt.Orientation.Horizontal if beside else Qt.Orientation.Vertical)
         self._evidence.setMinimumHeight((16 if beside else 30) * self.fontMetrics().lineSpacing())
 
@@ -195,7 +195,7 @@ class DiagnosisPanel(QWidget):
         tone, words = (tone, words) if holds else (Tone.NEUTRAL, tag("s", words))
         show_toned(self._verdict, words, tone)
         said = in_words(diagnosis)
-        self.sentence.setText(local_words(said.sentence))
+        self.sentence.setText(localised_text(said.sentence))
         self.bars.show_candidates(diagnosis.candidates, {found.effect for found in diagnosis.effects})
         lines = [f"Remaining residual: {said.remainder}"] if said.remainder else []
         if diagnosis.verdict is Verdict.UNEXPLAINED and diagnosis.error_after.reduced_chi2 < NEAR_ONE:
@@ -205,7 +205,7 @@ class DiagnosisPanel(QWidget):
         separating = said.separating_shot and not self.next_steps.isVisibleTo(self)
         lines += [f"Shot that would distinguish these: {said.separating_shot}"] if separating else []
         lines += [f"Detection limits: {'; '.join(said.blind_spots)}"] if said.blind_spots else []
-        self._blind.setText(local_words("\n".join(lines)))
+        self._blind.setText(localised_text("\n".join(lines)))
         self.residuals.show_diagnosis(diagnosis, shots)
         self.why.show_diagnosis(diagnosis, [] if self._driven else shots, self._accepted)
         self._folded(self.fold.isChecked())
@@ -221,7 +221,7 @@ class DiagnosisPanel(QWidget):
         shots = self._shots
         names = ", ".join(short_name(shot.name) for shot in shots[:MOST_NAMED])
         more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
-        kept = f"   ({kept_words(self._version)})" if self._version else ""
+        kept = f"   ({cached_words(self._version)})" if self._version else ""
         old = "" if self._holds else f"   {OUTDATED}"
         about = f"of {names}{more}{kept}{old}" if self._diagnosis is not None and shots else ""
         running = f"running: {self._running}" if self._running else ""

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePol
 from analysis.collision import Effect
 from analysis.diagnosis import CRITERIA, Candidate, FoundEffect, remark_on
 from app.session import by_evidence
-from app.window.theme import MARKS, Dressed, Tone
+from app.window.theme import MARKS, Themed, Tone
 from app.window.widgets import clear_layout, horizontal, push_button, text_label, vertical
 from app.words import DASH, effect_numbers, joined, lines, number, tag
 
@@ -81,10 +81,10 @@ HEADINGS = (
     ("−ΔBIC", "Evidence: by how much the effect lowers the Bayesian information criterion; more is better"),
     ("size (σ)", "Size of what it explains, in standard deviations of the noise: its norm over that of the noise"),
 )
-NARROWEST = 12  # least width of a name in letters
+LEAST_NAME_LETTERS = 12  # least width of a name in letters
 
 
-class Bar(Dressed, QWidget):
+class Bar(Themed, QWidget):
     """A horizontal bar of a candidate's evidence."""
 
     def __init__(self, share: float, chosen: bool, parent: QWidget) -> None:
@@ -99,7 +99,7 @@ class Bar(Dressed, QWidget):
         painter.fillRect(QRectF(0, 1, max(1.0, self._share * self.width()), self.height() - 2), QColor(colour))
 
 
-class CandidateBars(Dressed, QWidget):
+class CandidateBars(Themed, QWidget):
     """A row for each candidate: name, logarithmic bar, evidence, size; a line marks the evidence threshold."""
 
     pointed = Signal(object)  # effect of the hovered or focused candidate, or None
@@ -180,12 +180,12 @@ class CandidateBars(Dressed, QWidget):
         chosen = candidate.effect in self._named and pays
         words = (f"{MARKS[Tone.GOOD]} " if chosen else "") + candidate.effect.words
         name = text_label(words, inner, bold=chosen, elide=Qt.TextElideMode.ElideRight)
-        name.setMinimumWidth(NARROWEST * self.fontMetrics().horizontalAdvance("n"))
+        name.setMinimumWidth(LEAST_NAME_LETTERS * self.fontMetrics().horizontalAdvance("n"))
         name.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         name.setAccessibleName(f"{candidate.effect.words}: show what it explains")
         share = math.log10(1.0 + max(0.0, _evidence(candidate))) / math.log10(1.0 + max(most, 10.0))
         bar = Bar(share, chosen, inner)
-        bar.dress(self.colours)
+        bar.apply_colours(self.colours)
         fall = candidate.delta_bic
         evidence = QLabel(DASH if fall is None else number(-fall, 3), inner)
         size = QLabel(number(abs(candidate.score), 3), inner)

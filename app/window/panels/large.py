@@ -8,7 +8,7 @@ from analysis.shot import CONCERNS, Quantity, Reading, Shot
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.theme import MARKS, Tone
 from app.window.widgets import set_tone, text_label
-from app.words import DASH, MILD_FLAGS, local, number
+from app.words import DASH, MILD_FLAGS, localised_number, number
 from levimass import is_drive
 
 MOST_DIGITS = 7  # most digits readable from a distance
@@ -104,4 +104,4 @@ def plain_digits(reading: Reading | None, scale: float = 1.0) -> str:
         digits = sum(letter.isdigit() for letter in text)
         decimals = len(text.partition(".")[2])
         text = f"{reading.value * scale:.{max(0, decimals - max(1, digits - MOST_DIGITS))}f}"
-    return local(text)
+    return localised_number(text)

@@ -11,14 +11,14 @@ from analysis.shot import Shot
 from app.report import law_columns
 from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.legend import Legend
-from app.window.plots.lines import SIMULATED, Look, series
+from app.window.plots.lines import SIMULATED, LineStyle, series
 from app.window.plots.plain_plot import PlainPlot
 from app.window.widgets import push_button, text_label, vertical
-from app.words import local_words, prefix_for, short_name
+from app.words import localised_text, prefix_for, short_name
 
 MOST_FORMS = 4
 ALONG = CursorAxis("mm", "mm")
-EDGES, SHOWN = Look("band_edge", width=1), Look("measured", width=1)
+EDGES, SHOWN = LineStyle("band_edge", width=1), LineStyle("measured", width=1)
 OTHERS = [series(index + 2) for index in range(MOST_FORMS)]
 
 
@@ -59,7 +59,7 @@ class LawCurve(QWidget):
 
     def show_laws(self, laws: Sequence[LearnedLaw], shots: Sequence[Shot] = ()) -> None:
         """Show the first of these laws, learned from ``shots``; hide the widget if there are none."""
-        self.plot.tell(shots if laws else (), ", ".join(short_name(shot.name) for shot in shots) if laws else "")
+        self.plot.set_shots(shots if laws else (), ", ".join(short_name(shot.name) for shot in shots) if laws else "")
         self._laws, self._which = tuple(laws), 0
         self.setVisible(bool(laws))
         self.other.setVisible(len(laws) > 1)
@@ -121,4 +121,6 @@ class LawCurve(QWidget):
         listed = [f"{o.form} (ΔBIC {o.delta_bic:+.1f})" for o in law.other_forms]
         also = f"; not excluded: {', '.join(listed)}" if listed else ""
         unseen = "; ".join(law.not_observable)
-        self._words.setText(local_words(f"{form}{also}. The plot spans the range covered. Not observable: {unseen}."))
+        self._words.setText(
+            localised_text(f"{form}{also}. The plot spans the range covered. Not observable: {unseen}.")
+        )

@@ -16,7 +16,7 @@ from app.window.plots.lines import MEASURED
 from app.window.plots.time_plot import TimeStack
 from app.window.theme import sized
 from app.window.widgets import push_button, scrolled, text_label, vertical
-from app.words import CHANNEL_NAMES, DASH, local, number
+from app.words import CHANNEL_NAMES, DASH, localised_number, number
 from instrument.live import LiveView
 
 WINDOW_MS = 2000.0  # fixed, so that the axis does not move
@@ -152,7 +152,7 @@ class LivePanel(QWidget):
             if not fresh:
                 continue
             seen = samples[recent & np.isfinite(samples)]
-            digits = local(_digits(form, float(seen.mean()))) if len(seen) else DASH
+            digits = localised_number(_digits(form, float(seen.mean()))) if len(seen) else DASH
             self.numbers[name].setText(digits)
             self.numbers[name].setAccessibleDescription(digits)
         for readout in self._readouts:

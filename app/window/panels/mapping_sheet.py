@@ -10,7 +10,7 @@ from analysis.shot import Role, Setup
 from app.session import ChannelKind, ChannelSummary, proposed_roles
 from app.window.theme import Tone
 from app.window.widgets import Sheet, combo_box, line_edit, push_button, show_toned, text_label
-from app.words import Markup, joined, lines, local, number, tag, typed_number
+from app.words import Markup, joined, lines, localised_number, number, tag, typed_number
 from instrument.files import (
     LENGTHS_M,
     MODELS,
@@ -52,7 +52,7 @@ NUMBERS = {  # key -> (label, factor to SI units, tooltip, placeholder)
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
+class ChannelAssignment:
     """The operator's assignment of a file's channels."""
 
     mapping: ForeignMapping | MotionColumns
@@ -160,8 +160,8 @@ class MappingSheet(Sheet):
         lengths = [channel.name for channel in columns if length_unit(channel)]
         self.displacement.setCurrentIndex(self.displacement.findData(lengths[0]) if lengths and not proposal else 0)
         self._chosen()
-        self.edits["mass_kg"].setText(local(f"{1e3 * mass_kg:.10g}"))
-        self.edits["rest_hz"].setText("" if rest_hz is None else local(f"{1e-6 * rest_hz:.10g}"))
+        self.edits["mass_kg"].setText(localised_number(f"{1e3 * mass_kg:.10g}"))
+        self.edits["rest_hz"].setText("" if rest_hz is None else localised_number(f"{1e-6 * rest_hz:.10g}"))
         self.edits["rate_hz"].setText("")
         self.edits["bits"].setText("16")
         self.open_at(self.unit if lengths and not proposal else self.boxes[Role.MEASUREMENT])
@@ -178,9 +178,9 @@ class MappingSheet(Sheet):
             return
         try:
             if self.displacement.currentData() is not None:
-                self.applied.emit(Answer(self._columns(), False))
+                self.applied.emit(ChannelAssignment(self._columns(), False))
                 return
-            self.applied.emit(Answer(self._mapping(contents), self.for_folder.isChecked()))
+            self.applied.emit(ChannelAssignment(self._mapping(contents), self.for_folder.isChecked()))
         except ValueError as error:
             self.refuse(str(error))
 

@@ -7,7 +7,7 @@ from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words, remark_on
 from analysis.planning import NextShot, PlannedStep, PlanningState, first_indistinguishable
 from app.window.widgets import FlowLayout, clear_layout, push_button, text_label, vertical
-from app.words import local_words
+from app.words import localised_text
 
 MOST_TRIED = 3
 OPEN = (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED)
@@ -50,7 +50,7 @@ class NextSteps(QWidget):
             self._add(push_button(words, hover, self, self.try_wanted, candidate.effect))
         hover = "Type a law of your own; it is fitted and judged like the others"
         self._add(push_button("Propose a law …", hover, self, self.law_wanted))
-        self.shot.setText(f"Next shot: {local_words(in_words(diagnosis).separating_shot or ANOTHER_SHOT)}")
+        self.shot.setText(f"Next shot: {localised_text(in_words(diagnosis).separating_shot or ANOTHER_SHOT)}")
 
     def _add(self, button: QPushButton) -> None:
         self._row.addWidget(button)
@@ -102,14 +102,14 @@ class NextShotCard(QFrame):
         can_take = planned is not None and planned.settles and waited_for is None
         if waited_for is not None:
             said = "Being taken" if sets_itself else "Armed. Set, then push"
-            self.sentence.setText(local_words(f"{said}: {waited_for.words}"))
+            self.sentence.setText(localised_text(f"{said}: {waited_for.words}"))
         elif state is None:
             self.sentence.setText(UNPLANNED)
         else:
             words = planned.words if planned is not None else "Resolved: one candidate remains."
-            self.sentence.setText(local_words(words))
+            self.sentence.setText(localised_text(words))
         steps = state.steps if state is not None else ()
-        self.log.setText(local_words("\n".join(_step_line(n, step) for n, step in enumerate(steps, 1))))
+        self.log.setText(localised_text("\n".join(_step_line(n, step) for n, step in enumerate(steps, 1))))
         self.log.setVisible(bool(self.log.text()))
         self.plan.setVisible(left_open and state is None and waited_for is None)
         self.take.setVisible(can_take)

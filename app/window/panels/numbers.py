@@ -9,19 +9,19 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QLabel, QScro
 from analysis.shot import Quantity, Reading, Shot, concerning
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.state_words import flag_line, flag_tone
-from app.window.theme import MARKS, Colours, Dressed, Tone, sized
+from app.window.theme import MARKS, Colours, Themed, Tone, sized
 from app.window.widgets import FoldButton, push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
     COMBINED,
     NOISE_ONLY,
-    by_weight,
+    by_severity,
+    cached_words,
     concise_text,
     effect_numbers,
     flag_words,
-    how_text,
-    kept_words,
     lines,
-    local,
+    localised_number,
+    reading_tooltip,
     tag,
     value_text,
 )
@@ -55,7 +55,7 @@ def wide_words(reading: Reading | None) -> str:
     return f"Poorly determined: ± is {100 * share:.0f} % of the value" if WIDE < share < math.inf else ""
 
 
-class NumbersPanel(Dressed, QScrollArea):
+class NumbersPanel(Themed, QScrollArea):
     """The numbers of a shot, each at a fixed place."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -151,7 +151,7 @@ class NumbersPanel(Dressed, QScrollArea):
 
     def _add_fold(self, grid: QGridLayout, line: int, inner: QWidget) -> list[QWidget]:
         """Add the remark that one kinetic COR is the paper's, and the button that shows the others."""
-        note = text_label(f"the paper's ({local(f'{PAPERS_VALUE:.4f}')} there)", inner, faint=True)
+        note = text_label(f"the paper's ({localised_number(f'{PAPERS_VALUE:.4f}')} there)", inner, faint=True)
         note.setToolTip("The paper times T1 and T2 between peaks of the force; PAPER (Ctrl+7) has all its numbers")
         hover = "Show the kinetic COR by onsets, by flights and of the fitted contact"
         self.others = FoldButton("3 other definitions", hover, inner)
@@ -180,8 +180,8 @@ class NumbersPanel(Dressed, QScrollArea):
         """Return a number with the chosen uncertainty, combined or from noise alone."""
         return stated(row.find(self._shot), row.key, self._combined) if self._shot is not None else None
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         self._show_flags(self._shot)
 
     def show_shot(self, shot: Shot | None, title: str = "", version: str = "") -> None:
@@ -204,7 +204,7 @@ class NumbersPanel(Dressed, QScrollArea):
             doubts = concerning(row.key, shot.flags) if shot is not None else ()
             wide = wide_words(reading)
             said = (*map(flag_line, doubts), *([wide] if wide else []))
-            hover = lines((how_text(row.name, reading, row.meaning, which), *said))
+            hover = lines((reading_tooltip(row.name, reading, row.meaning, which), *said))
             label.setToolTip(hover)
             self._mark(row, doubts, hover, bool(wide))
             remarks = "; ".join((*map(flag_words, doubts), *([wide] if wide else [])))
@@ -264,10 +264,10 @@ class NumbersPanel(Dressed, QScrollArea):
         if shot is not None and shot.problem:
             said.append((Tone.BAD, f"{MARKS[Tone.BAD]} {shot.problem}"))
         if shot is not None:
-            said += [(flag_tone(flag), flag_line(flag)) for flag in by_weight(shot.flags)]
+            said += [(flag_tone(flag), flag_line(flag)) for flag in by_severity(shot.flags)]
         if self._version:
             said.append(
-                (Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {kept_words(self._version)}; Ctrl+R repeats the analysis")
+                (Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {cached_words(self._version)}; Ctrl+R repeats the analysis")
             )
         signs = self.colours.signs
         self.flags.setText(lines(tag("span", words, style=f"color: {signs[tone]}") for tone, words in said))

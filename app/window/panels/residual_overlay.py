@@ -17,11 +17,11 @@ from app.report import time_zero
 from app.session import CandidateResidual, by_evidence
 from app.window.panels.effects import CandidateBars
 from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid
-from app.window.theme import Colours, Dressed, Tone
+from app.window.theme import Colours, Themed, Tone
 from app.window.widgets import push_button, text_label, vertical
 from app.words import joined, number, short_name, tag
 
-BESIDE_SHOTS = 4  # most shots in the comparison of two candidates
+MOST_COMPARED_SHOTS = 4  # most shots in the comparison of two candidates
 
 
 def explained(left_m: Floats, curve_m: Floats) -> Overlay:
@@ -31,7 +31,7 @@ def explained(left_m: Floats, curve_m: Floats) -> Overlay:
     return Overlay(signature_m, left_m - signature_m)
 
 
-class WhyCanvas(Dressed, QWidget):
+class ResidualOverlay(Themed, QWidget):
     """The grid of residuals, its heading, and the button that compares the best two candidates."""
 
     pointed = Signal(object)  # effect of the hovered candidate
@@ -59,8 +59,8 @@ class WhyCanvas(Dressed, QWidget):
         column.addWidget(self.said)
         bars.pointed.connect(self.point_at)
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         self._draw()
 
     def show_diagnosis(self, diagnosis: Diagnosis | None, shots: list[Shot], accepted: bool) -> None:
@@ -128,7 +128,7 @@ class WhyCanvas(Dressed, QWidget):
     def _draw_pair(self, first: CandidateResidual, second: CandidateResidual) -> None:
         assert self._diagnosis is not None
         cells = []
-        for place, cell in enumerate(self._cells(self._diagnosis)[:BESIDE_SHOTS]):
+        for place, cell in enumerate(self._cells(self._diagnosis)[:MOST_COMPARED_SHOTS]):
             for remainder in (first, second):
                 left = remainder.left_m[place] if remainder.left_m is not None else cell.after_m
                 title = f"{cell.title}: {remainder.effect.words}"

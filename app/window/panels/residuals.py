@@ -59,7 +59,7 @@ class Residuals(QWidget):
         for curve, band in zip(self._curves, self._bands, strict=True):
             curve.clear_samples()
             band.show_band(0.0, 1.0, np.zeros(0))
-        self.stack.tell((), "")
+        self.stack.set_shots((), "")
         self.forces.show_curves(None, None, None)
 
     def show_forces(self, shot: Shot, before: DriveCurves, after: DriveCurves) -> None:
@@ -82,7 +82,7 @@ class Residuals(QWidget):
         self.forces.show_curves(None, None, None)
         motion = shot.motion
         assert motion is not None
-        self.stack.tell((shot,), shot.name)
+        self.stack.set_shots((shot,), shot.name)
         self.stack.label_time(time_zero(shot)[1])
         noise_m, what = diagnosed_band(diagnosis, shot)
         self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: {what}, ±2 σ)")
@@ -111,7 +111,7 @@ class ForceResiduals:
         self.stack.hide()
 
     def show_curves(self, shot: Shot | None, before: DriveCurves | None, after: DriveCurves | None) -> None:
-        self.stack.tell((shot,) if shot is not None else (), shot.name if shot is not None else "")
+        self.stack.set_shots((shot,) if shot is not None else (), shot.name if shot is not None else "")
         for found, plot, curve, band in zip((before, after), self._plots, self._curves, self._bands, strict=True):
             if found is None:
                 curve.show_points(np.zeros(0), np.zeros(0))

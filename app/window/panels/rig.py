@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QVBoxLayout, QWidget
 
-from app.window.theme import MARKS, Colours, Dressed, Tone, sized
+from app.window.theme import MARKS, Colours, Themed, Tone, sized
 from app.window.widgets import combo_box, horizontal, push_button, set_tone, text_label
 from app.words import counted
 
@@ -72,7 +72,7 @@ FLASH_MS = 400  # long enough to be one slow change, not a flicker
 FACTORS = (1.15, 1.0, 0.85)  # sizes of the sentence relative to the system's font
 
 
-class Banner(Dressed, QFrame):
+class Banner(Themed, QFrame):
     """The state banner; its parts keep their positions when the text changes."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -113,8 +113,8 @@ class Banner(Dressed, QFrame):
         self.setAccessibleName("State of the instrument")
         self.show_state("READY", "", Tone.NEUTRAL)
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         background, text = colours.tones[self.tone]
         if self._flashing.isActive():
             background, text = text, background
@@ -126,11 +126,11 @@ class Banner(Dressed, QFrame):
     def flash(self) -> None:
         """Exchange text and background colour for ``FLASH_MS``."""
         self._flashing.start()
-        self.dress(self.colours)
+        self.apply_colours(self.colours)
 
     @Slot()
     def _flashed(self) -> None:
-        self.dress(self.colours)
+        self.apply_colours(self.colours)
 
     def offer_saving(self, unsaved: int) -> None:
         """Show the button "Save elsewhere" while shots are only in memory."""
@@ -164,7 +164,7 @@ class Banner(Dressed, QFrame):
         if tone is not self.tone or not self._sign.text():
             self.tone = tone
             self._sign.setText(SIGNS[tone])
-            self.dress(self.colours)
+            self.apply_colours(self.colours)
         if word != self.word.text() or detail != self.detail.text():
             self.word.setText(word)
             self.detail.setText(detail)
@@ -176,7 +176,7 @@ class Banner(Dressed, QFrame):
 
 
 @dataclass(frozen=True, slots=True)
-class Sign:
+class TileText:
     """The text of a tile in the signal line, its tone and its tooltip."""
 
     words: str
@@ -199,7 +199,7 @@ class SignalLine(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setProperty("card", True)
-        self._signs: dict[str, Sign] = {}
+        self._signs: dict[str, TileText] = {}
         row = horizontal(self, (6, 2, 6, 2), 3)
         self._marks: dict[str, QLabel] = {}
         self.values: dict[str, QLabel] = {}
@@ -218,9 +218,9 @@ class SignalLine(QFrame):
         self._folder = text_label("", self, faint=True, selectable=True, elide=middle, least=least)
         row.addWidget(self._folder, 1)
         for name, _, _ in TILES:
-            self.show_sign(name, Sign("–", Tone.NEUTRAL))
+            self.show_tile(name, TileText("–", Tone.NEUTRAL))
 
-    def show_sign(self, name: str, sign: Sign) -> None:
+    def show_tile(self, name: str, sign: TileText) -> None:
         """Show the text of a tile; an unchanged tile is not updated."""
         if self._signs.get(name) == sign:
             return

@@ -18,19 +18,19 @@ from app.words import (
     DASH,
     NOISE_ONLY,
     OUTDATED,
-    by_weight,
+    by_severity,
     concise_text,
     flag_name,
     flag_words,
     flags_in_short,
-    how_text,
+    reading_tooltip,
     value_text,
     verdict_words,
 )
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class TableOrder:
     """Sort column (None: in the order taken), filter ``words`` that must all occur, and a key of ``GROUPS`` or ""."""
 
     column: int | None = None
@@ -61,7 +61,7 @@ GROUPS: dict[str, tuple[str, Callable[[Entry], str]]] = {
 
 def ordered(
     entries: Sequence[Entry],
-    order: Order,
+    order: TableOrder,
     value: Callable[[Entry], float | str | None] | None,
     searched: Callable[[Entry], str],
 ) -> tuple[Entry | str, ...]:
@@ -96,7 +96,7 @@ def _key(value: float | str | None) -> tuple[float, str]:
     return (0.0, value.lower()) if isinstance(value, str) else (float(value or 0.0), "")
 
 
-LETTERS = 15  # width of a number's column in digits, for 0.98729985(50)
+NUMBER_COLUMN_DIGITS = 15  # width of a number's column in digits, for 0.98729985(50)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,12 +132,14 @@ def _verdict(entry: Entry) -> str:
 
 
 def _flags(entry: Entry) -> str:
-    return ", ".join(by_weight(entry.shot.flags)) if entry.shot is not None else ""
+    return ", ".join(by_severity(entry.shot.flags)) if entry.shot is not None else ""
 
 
 def columns() -> list[Column]:
     """Return the columns in order; columns hidden at first are last."""
-    numbers = [Column(n.head, LETTERS, number=n) for n in of_collision(Origin.READ, Origin.FITTED, Origin.STATED)]
+    numbers = [
+        Column(n.head, NUMBER_COLUMN_DIGITS, number=n) for n in of_collision(Origin.READ, Origin.FITTED, Origin.STATED)
+    ]
     return [
         Column("#", 9, _place, lambda entry: float(entry.number)),
         Column("time", 9, lambda entry: _started_at(entry)[11:19] or DASH, _started_at),
@@ -200,7 +202,7 @@ class SessionModel(QAbstractTableModel):
         self.columns = columns()
         self.entries: tuple[Entry, ...] = ()  # all entries, in the order taken
         self.rows: tuple[Entry | str, ...] = ()  # the rows shown, with a heading before each group
-        self.order = Order()
+        self.order = TableOrder()
         self._struck: frozenset[int] = frozenset()
         self._combined = _CombinedCache()
 
@@ -218,7 +220,7 @@ class SessionModel(QAbstractTableModel):
         self._combined.keep(entry.shot for entry in entries if entry.shot is not None)
         self._arrange()
 
-    def arrange(self, order: Order) -> None:
+    def arrange(self, order: TableOrder) -> None:
         self.order = order
         self._arrange()
 
@@ -319,11 +321,11 @@ class SessionModel(QAbstractTableModel):
             reading, shot = self._stated(entry, number), entry.shot
             value = value_text(reading, number.scale)
             if number.origin is Origin.STATED:  # its ± was stated with the value
-                return how_text(number.head, reading, value)
+                return reading_tooltip(number.head, reading, value)
             which = COMBINED if shot is not None and number.key in self._combined.of(shot) else NOISE_ONLY
-            return how_text(number.head, reading, value, which)
+            return reading_tooltip(number.head, reading, value, which)
         if column == FLAGS and entry.shot is not None:
-            return "\n".join(map(flag_line, by_weight(entry.shot.flags)))
+            return "\n".join(map(flag_line, by_severity(entry.shot.flags)))
         if column == VERDICT and entry.number in self._struck:
             return f"{self._text(entry, column)}\n{OUTDATED}"
         if column == NAME:

@@ -20,11 +20,11 @@ from PySide6.QtWidgets import (
 )
 
 from app.session import Entry, Session
-from app.window.panels.session_model import FLAGS, GROUPS, NOTE, VERDICT, Order, SessionModel
+from app.window.panels.session_model import FLAGS, GROUPS, NOTE, VERDICT, SessionModel, TableOrder
 from app.window.widgets import combo_box, line_edit, push_button, text_label, vertical
 
 
-class _FromTheLeft(QStyledItemDelegate):
+class _ElideRight(QStyledItemDelegate):
     """Shortens the text of cells at its end; the table itself shortens in the middle, for names."""
 
     def initStyleOption(self, option: QStyleOptionViewItem, index: QModelIndex | QPersistentModelIndex) -> None:
@@ -83,7 +83,7 @@ class SessionTable(QFrame):
         self.table.setWordWrap(False)
         self.table.setTextElideMode(Qt.TextElideMode.ElideMiddle)
         for text in (VERDICT, FLAGS, NOTE):
-            self.table.setItemDelegateForColumn(text, _FromTheLeft(self.table))
+            self.table.setItemDelegateForColumn(text, _ElideRight(self.table))
         self.table.setMinimumHeight(int(4.2 * self.fontMetrics().height()))
         self.table.setTabKeyNavigation(False)
         self.table.verticalHeader().hide()
@@ -155,7 +155,7 @@ class SessionTable(QFrame):
             header.setSortIndicator(now.column, way)
         self._reorder(now)
 
-    def _reorder(self, order: Order) -> None:
+    def _reorder(self, order: TableOrder) -> None:
         self._keeping_selection(lambda: self.model.arrange(order))
         self._changed()
 

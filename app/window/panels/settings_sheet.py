@@ -3,10 +3,10 @@
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScrollArea, QSizePolicy, QWidget
 
-from app.window.file_dialog import Want, ask_for_one
+from app.window.file_dialog import PathKind, ask_for_one
 from app.window.theme import Tone
 from app.window.widgets import Sheet, horizontal, push_button, show_toned, text_label
-from app.words import local, typed_number, typed_numbers
+from app.words import localised_number, typed_number, typed_numbers
 from levimass import Setting, Value
 
 NUMERIC = ("number", "numbers")  # kinds of settings
@@ -91,7 +91,7 @@ class SettingsSheet(Sheet):
         return row
 
     def _browse(self, editor: QLineEdit) -> None:
-        ask_for_one(self, "Choose a folder", Want.FOLDER, lambda folder: editor.setText(str(folder)), editor.text())
+        ask_for_one(self, "Choose a folder", PathKind.FOLDER, lambda folder: editor.setText(str(folder)), editor.text())
 
     def show_values(self, values: dict[str, Value]) -> None:
         self.problem.setText("")
@@ -140,7 +140,7 @@ def _as_typed(field: Setting, value: Value) -> str:
         return ""
     if field.kind not in NUMERIC:
         return str(value)
-    return "  ".join(local(f"{float(number) * field.scale:.10g}") for number in str(value).split())
+    return "  ".join(localised_number(f"{float(number) * field.scale:.10g}") for number in str(value).split())
 
 
 def _stored(field: Setting, text: str) -> Value:
@@ -162,5 +162,5 @@ def _in_si(field: Setting, value: float) -> float:
     stored = value / field.scale
     if not field.low <= stored <= field.high:
         low, high = field.low * field.scale, field.high * field.scale
-        raise ValueError(local(f"{value:g} is outside {low:g} to {high:g} {field.unit}"))
+        raise ValueError(localised_number(f"{value:g} is outside {low:g} to {high:g} {field.unit}"))
     return stored

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWi
 
 from app.window.theme import MARKS, Tone, sized
 from app.window.widgets import Sheet, clear_layout, line_edit, push_button, set_tone, show_toned, text_label
-from app.words import counted, lines, local_words, tag
+from app.words import counted, lines, localised_text, tag
 from instrument.devices import Check, FoundDevice, Grade
 
 TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
@@ -152,7 +152,7 @@ class SetupSheet(Sheet):
             if index < len(checks):
                 check = checks[index]
                 name = TITLES.get(check.name, check.name[:1].upper() + check.name[1:])
-                show_toned(line, f"{name}: {local_words(check.line)}", TONES[check.grade])
+                show_toned(line, f"{name}: {localised_text(check.line)}", TONES[check.grade])
             else:
                 line.setText(waiting if index == 0 else "")
                 set_tone(line, Tone.NEUTRAL)

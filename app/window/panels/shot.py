@@ -13,7 +13,7 @@ from app.window.panels.shot_motion import SLOPE, DeflectionView, GapView, Motion
 from app.window.panels.shot_raw import RawCurves, RawView
 from app.window.plots.cursors import CursorReadout
 from app.window.plots.legend import Legend, is_low
-from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, Look
+from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, LineStyle
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
 from app.window.widgets import FlowLayout, keep_place, push_button, text_label, vertical
@@ -114,7 +114,7 @@ class ShotPanel(QWidget):
             column.addWidget(CursorReadout(plot, self))
 
     def _label_lines(self) -> None:
-        entries: list[tuple[str, Look]] = [("measured", MEASURED), ("simulated", SIMULATED)]
+        entries: list[tuple[str, LineStyle]] = [("measured", MEASURED), ("simulated", SIMULATED)]
         if self._driven:
             entries = self.drive.legend()
         elif self.view == "raw":
@@ -140,16 +140,16 @@ class ShotPanel(QWidget):
         shot: Shot | None,
         recording: Recording | None = None,
         words: str = "",
-        judged_by: Diagnosis | None = None,
+        band_from: Diagnosis | None = None,
     ) -> None:
         """Show a shot with the title ``words``; without a shot show ``words``, or how to take a shot.
 
-        ``judged_by`` is the diagnosis with a valid verdict on the shot; the noise band is then taken from it.
+        ``band_from`` is the diagnosis with a valid verdict on the shot; the noise band is then taken from it.
         """
-        self._shot, self._judged_by = shot, judged_by
+        self._shot, self._judged_by = shot, band_from
         self._of = words or (shot.name if shot is not None else "")
         for plot in self.plots:
-            plot.tell((), "")
+            plot.set_shots((), "")
         self._driven = shot is not None and is_drive(shot.settings.model)
         self._name_views()
         self.raw.show_recording(recording, 0.0 if shot is None else time_zero(shot)[0])
@@ -219,7 +219,7 @@ class ShotPanel(QWidget):
             self.motion.show_shot(self._shot, self._judged_by)
         else:
             (self.gap if what == "gap" else self.deflection).show_shot(self._shot)
-        self._page_of.get(what, self.stack).tell((self._shot,), self._of)
+        self._page_of.get(what, self.stack).set_shots((self._shot,), self._of)
 
     def show_drive(self, shot: Shot, curves: DriveCurves) -> None:
         """Show the modelled force of a drive, if its shot is still displayed."""
@@ -227,7 +227,7 @@ class ShotPanel(QWidget):
             return
         self.drive.show_curves(curves)
         for plot in self.drive.plots:
-            plot.tell((shot,), self._of)
+            plot.set_shots((shot,), self._of)
         self.reset()
         self._label_lines()
 
@@ -243,7 +243,7 @@ class ShotPanel(QWidget):
 
     def show_raw(self, curves: RawCurves) -> None:
         if self.raw.show_curves(curves) and self._shot is not None:
-            self.raw.stack.tell((self._shot,), self._of)
+            self.raw.stack.set_shots((self._shot,), self._of)
         self._label_lines()
 
     def reset(self) -> None:

@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QSplitter, QWidget
 from analysis.drive import DriveCurves
 from analysis.shot import Floats
 from app.window.plots.cursors import DISTANCE, SECONDS, SPEED, CursorAxis
-from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, Look
+from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, LineStyle
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
@@ -56,7 +56,7 @@ class DriveView:
         page = self.pages[view]
         return in_front(page.plots) if isinstance(page, ForceAgainst) else self.stack
 
-    def legend(self) -> list[tuple[str, Look]]:
+    def legend(self) -> list[tuple[str, LineStyle]]:
         below = "band"
         if self._curves is not None:
             below = f"±2 × {repeatability_words(self._curves.repeatability.repeats, self._curves.repeatability.what)}"

@@ -10,7 +10,7 @@ from analysis.uncertainty import NoiseBand, judged_band
 from app.report import contact_span_ms, deflection_of, grid_ms, time_zero
 from app.window.plots.cursors import DISTANCE
 from app.window.plots.curve import PointCurve, SampledCurve
-from app.window.plots.lines import MEASURED, RESIDUAL, SIMULATED, CrispCurve, Look
+from app.window.plots.lines import MEASURED, RESIDUAL, SIMULATED, CrispCurve, LineStyle
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.time_plot import TimeStack
@@ -22,7 +22,9 @@ RESIDUALS = (
     ("velocity", "Residual of velocity", "m/s"),
     ("displacement", "Residual of displacement", "m"),
 )
-STANDS_OUT = 2.0  # least significant rms of a residual over its band; slow site vibration alone reaches up to 2
+LEAST_SIGNIFICANT_RATIO = (
+    2.0  # least significant rms of a residual over its band; slow site vibration alone reaches up to 2
+)
 BOUNCE_MS = 0.6  # time shown on each side of a clicked bounce
 
 
@@ -51,9 +53,9 @@ class MotionView(QObject):
         self.kind.activated.connect(self._kind_chosen)
         self.stack.clicked.connect(self._zoom_on_bounce)
 
-    def show_shot(self, shot: Shot, judged_by: Diagnosis | None = None) -> None:
-        """Show an analysed shot, with the noise band of the diagnosis ``judged_by`` if given."""
-        self._shot, self._judged_by = shot, judged_by
+    def show_shot(self, shot: Shot, band_from: Diagnosis | None = None) -> None:
+        """Show an analysed shot, with the noise band of the diagnosis ``band_from`` if given."""
+        self._shot, self._judged_by = shot, band_from
         zero, _ = time_zero(shot)
         self.stack.notes.describe(self.velocity, NoteAxes("velocity", zero, 1e3))
         self.stack.notes.describe(self.force, NoteAxes("force", zero, 1e3))
@@ -104,7 +106,7 @@ class MotionView(QObject):
             return
         band, _ = judged_band(shot, self._judged_by)
         sizes = [_size(*_residual_of(shot.motion, shot.fit, kind, band)) for kind, _, _ in RESIDUALS]
-        chosen = int(np.argmax(sizes)) if max(sizes) > STANDS_OUT else 0
+        chosen = int(np.argmax(sizes)) if max(sizes) > LEAST_SIGNIFICANT_RATIO else 0
         self.kind.blockSignals(True)
         self.kind.setCurrentIndex(chosen)
         self.kind.blockSignals(False)
@@ -190,7 +192,7 @@ class GapView:
 
 
 BRANCHES = ("loading", "unloading")
-SLOPE = Look("residual", Qt.PenStyle.DashLine)
+SLOPE = LineStyle("residual", Qt.PenStyle.DashLine)
 
 
 class DeflectionView(PlainPlot):

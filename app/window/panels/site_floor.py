@@ -7,11 +7,11 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from analysis.reading import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
 from app.window.plots.cursors import CursorAxis, CursorReadout
-from app.window.plots.lines import Look
+from app.window.plots.lines import LineStyle
 from app.window.plots.plain_plot import LogPlot
-from app.window.theme import Colours, Dressed
+from app.window.theme import Colours, Themed
 from app.window.widgets import horizontal, text_label
-from app.words import local, local_words, with_prefix
+from app.words import localised_number, localised_text, with_prefix
 
 FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
 UM_PER_S = 1e6
@@ -25,7 +25,7 @@ def line_words(floor: SiteFloor) -> list[str]:
     """Return the strongest spectral lines with their probable causes, one text per line."""
     strongest = sorted(floor.lines, key=lambda line: -line.amplitude_m * line.frequency_hz)[:MOST_LINES]
     return [
-        f"{local(f'{line.frequency_hz:.2f}')} Hz  {with_prefix(line.amplitude_m, 'm')}  {line.cause}"
+        f"{localised_number(f'{line.frequency_hz:.2f}')} Hz  {with_prefix(line.amplitude_m, 'm')}  {line.cause}"
         for line in sorted(strongest, key=lambda line: line.frequency_hz)
     ]
 
@@ -33,10 +33,10 @@ def line_words(floor: SiteFloor) -> list[str]:
 def floor_words(floor: SiteFloor) -> str:
     """Return the vibration criterion met and the expected u(COR) in one line."""
     meets = f"meets {floor.criterion}" if floor.criterion else "meets no criterion"
-    return local_words(f"Floor vibration {meets}. Expected u(COR) now: {floor.cor_std:.1g}")
+    return localised_text(f"Floor vibration {meets}. Expected u(COR) now: {floor.cor_std:.1g}")
 
 
-class SiteFloorPanel(Dressed, QWidget):
+class SiteFloorPanel(Themed, QWidget):
     """The third-octave plot and its summary; the last floor vibration stays until a new one is measured."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -46,8 +46,8 @@ class SiteFloorPanel(Dressed, QWidget):
         self.plot = LogPlot("Floor vibration in third-octaves", ("velocity", "µm/s"), "frequency (Hz)", FREQUENCY, self)
         self.plot.setFixedHeight(150)
         self._names: list[pg.TextItem] = []
-        self._criteria = [self.plot.add_curve(name, Look("marker")) for name in SHOWN]
-        self._curve = self.plot.add_curve("floor vibration", Look("measured", width=3))
+        self._criteria = [self.plot.add_curve(name, LineStyle("marker")) for name in SHOWN]
+        self._curve = self.plot.add_curve("floor vibration", LineStyle("measured", width=3))
         for name, curve in zip(SHOWN, self._criteria, strict=True):
             level = UM_PER_S * CRITERIA_M_PER_S[name]
             curve.show_points(np.array([8.0, 80.0]), np.array([level, level]))
@@ -68,8 +68,8 @@ class SiteFloorPanel(Dressed, QWidget):
         row.addLayout(words, 1)
         self._show_levels(np.empty(0))
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         for label in self._names:
             label.setColor(colours.faint)
 

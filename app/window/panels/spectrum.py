@@ -10,14 +10,14 @@ from app.report import time_zero
 from app.session import BEATS, Spectra
 from app.window.plots.cursors import TIME, CursorAxis, CursorReadout
 from app.window.plots.legend import Legend
-from app.window.plots.lines import MEASURED, Look
+from app.window.plots.lines import MEASURED, LineStyle
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.widgets import text_label, vertical
 from app.words import CHANNEL_NAMES
 
 FREQUENCY = CursorAxis("MHz", "MHz")
-LOOKS = {Role.REFERENCE: Look("residual", width=3), Role.MEASUREMENT: MEASURED}
+LOOKS = {Role.REFERENCE: LineStyle("residual", width=3), Role.MEASUREMENT: MEASURED}
 LEGEND = [("PD0, at rest", LOOKS[Role.REFERENCE]), ("PD1, moving", LOOKS[Role.MEASUREMENT])]
 
 
@@ -52,7 +52,7 @@ class SpectrumPanel(QWidget):
     def show_spectra(self, spectra: Spectra | None, shot: Shot | None = None, words: str = "") -> None:
         """Show the spectra of a shot with the title ``words``; None: say that there are none."""
         for plot in self.plots:
-            plot.tell((shot,) if spectra is not None else (), words)
+            plot.set_shots((shot,) if spectra is not None else (), words)
         if spectra is None or not spectra.power_db:
             self.said.setText("Select a shot whose raw recording is available.")
             for curve in self._curves.values():

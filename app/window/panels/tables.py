@@ -18,9 +18,9 @@ from analysis.paper import Reproduction, Status
 from analysis.shot import Quantity, Shot, shown_in
 from analysis.uncertainty import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from app.report import PAPER_SECTIONS, paper_cells, readable_unit
-from app.window.theme import Colours, Dressed, Tone, sized
+from app.window.theme import Colours, Themed, Tone, sized
 from app.window.widgets import text_label, vertical
-from app.words import DASH, cell, concise_text, local, number, value_text
+from app.words import DASH, cell, concise_text, localised_number, number, value_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +189,7 @@ RECORDED = PAPER_COLUMNS.index("recording") - 1
 _TONES = {Status.AGREES: Tone.GOOD, Status.TRACED: Tone.GOOD, Status.OPEN: Tone.BAD}
 
 
-class PaperPanel(Dressed, QWidget):
+class PaperPanel(Themed, QWidget):
     """The PAPER page: the comparison with the paper's numbers."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -202,8 +202,8 @@ class PaperPanel(Dressed, QWidget):
         column.addWidget(self.said)
         column.addWidget(self.table, 1)
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         if self._result is not None:
             self.show_reproduction(self._result)
 
@@ -221,7 +221,7 @@ class PaperPanel(Dressed, QWidget):
             parts = []
             for row in (row for row in result.rows if row.section == section):
                 texts = paper_cells(row)
-                shown = [local(text) if "." in text and not text.isalpha() else text for text in texts[1:]]
+                shown = [localised_number(text) if "." in text and not text.isalpha() else text for text in texts[1:]]
                 if isinstance(row.recorded, Quantity):
                     shown[RECORDED] = concise_text(row.recorded, readable_unit(row)[0])
                 trace = (Line((row.traced_to,)),) if row.traced_to else ()

@@ -12,7 +12,7 @@ from PySide6.QtGui import QColor, QGuiApplication
 from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar, QWidget
 
 from app.session import Job, Jobs
-from app.window.theme import MARKS, Colours, Dressed, Tone
+from app.window.theme import MARKS, Colours, Themed, Tone
 from app.window.widgets import Sheet, horizontal, hover_text, keep_place, push_button, set_tone, text_label
 
 KEPT = 20
@@ -129,7 +129,7 @@ class NoticeLine(QFrame):
         set_tone(self._words, newest.tone)
 
 
-class NoticeList(Dressed, Sheet):
+class NoticeList(Themed, Sheet):
     """The list of all messages of this run, newest first."""
 
     def __init__(self, notices: NoticeLine, parent: QWidget | None = None) -> None:
@@ -150,8 +150,8 @@ class NoticeList(Dressed, Sheet):
         self._refresh(True)
         self.open_at(self.list)
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         self._refresh()
 
     @Slot()

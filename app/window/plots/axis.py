@@ -8,7 +8,7 @@ from PySide6.QtCore import QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetricsF, QPainter
 
 from app.window.plots.lines import straight
-from app.words import local
+from app.words import localised_number
 
 BEHIND = -1000
 
@@ -37,7 +37,7 @@ class PlainAxis(pg.AxisItem):
         # redrawn only when it changes: most frames of LIVE show the same axis
         self.setCacheMode(pg.GraphicsObject.CacheMode.DeviceCoordinateCache)
 
-    def dress(self, line: str, text: str, grid: str) -> None:
+    def apply_colours(self, line: str, text: str, grid: str) -> None:
         self._grid_pen = straight(grid)
         self.setPen(straight(line))
         self.setTextPen(pg.mkPen(text))
@@ -117,4 +117,4 @@ class PlainAxis(pg.AxisItem):
 
     def tickStrings(self, values: list[float], scale: float, spacing: float) -> list[str]:
         """Return the tick numbers in the system's decimal format."""
-        return [local(text) for text in super().tickStrings(values, scale, spacing)]
+        return [localised_number(text) for text in super().tickStrings(values, scale, spacing)]

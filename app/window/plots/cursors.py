@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QFrame, QWidget
 from analysis.shot import Floats
 from app.window.plots.lines import straight
 from app.window.widgets import horizontal, push_button, text_label
-from app.words import DASH, Markup, joined, local, number, tag
+from app.words import DASH, Markup, joined, localised_number, number, tag
 
 if TYPE_CHECKING:
     from app.window.plots.curve import PointCurve, SampledCurve
@@ -46,7 +46,7 @@ DISTANCE = CursorAxis("mm", "m", 1e-3)
 
 
 @dataclass(frozen=True, slots=True)
-class Between:
+class IntervalStatistics:
     """Statistics of one curve between the cursors, in its unit; NaN without samples."""
 
     name: str
@@ -64,18 +64,20 @@ class Between:
         return self.at_b - self.at_a
 
 
-def between(name: str, unit: str, x: Floats, values: Floats, at_a: float, at_b: float) -> Between:
+def interval_statistics(
+    name: str, unit: str, x: Floats, values: Floats, at_a: float, at_b: float
+) -> IntervalStatistics:
     """Return the statistics of samples (n,) at x (n,), ignoring NaN; the slope is per unit of x."""
     seen = np.isfinite(values) & np.isfinite(x)
     x, y = x[seen], values[seen].astype(np.float64)
     if len(y) == 0:
         nothing = float("nan")
-        return Between(name, unit, at_a, at_b, nothing, nothing, nothing, nothing)
+        return IntervalStatistics(name, unit, at_a, at_b, nothing, nothing, nothing, nothing)
     mean = float(y.mean())
     centred = x - x.mean()
     power = float(centred @ centred)
     slope = float(centred @ (y - mean)) / power if power > 0 else float("nan")
-    return Between(name, unit, at_a, at_b, mean, float(np.sqrt(np.mean(y * y))), float(y.std()), slope)
+    return IntervalStatistics(name, unit, at_a, at_b, mean, float(np.sqrt(np.mean(y * y))), float(y.std()), slope)
 
 
 class Cursors(QObject):
@@ -102,9 +104,9 @@ class Cursors(QObject):
                 plot.addItem(line, ignoreBounds=True)
                 line.sigPositionChanged.connect(partial(self._dragged, name))
                 lines.append(line)
-        self.dress()
+        self.apply_colours()
 
-    def dress(self) -> None:
+    def apply_colours(self) -> None:
         """Apply the view's colours; A is solid, B dashed."""
         colours = self._view.colours
         full, dashed = Qt.PenStyle.SolidLine, Qt.PenStyle.DashLine
@@ -152,7 +154,7 @@ class Cursors(QObject):
     def _dragged(self, name: str, line: pg.InfiniteLine) -> None:
         self._set(name, float(line.value()))
 
-    def measures(self) -> list[Between]:
+    def measures(self) -> list[IntervalStatistics]:
         """Return the statistics of every visible curve."""
         a, b = self.places
         left, right = min(a, b), max(a, b)
@@ -163,12 +165,16 @@ class Cursors(QObject):
                     found.append(self._measure(plot, curve, left, right))
         return found
 
-    def _measure(self, plot: "FramedPlot", curve: "SampledCurve | PointCurve", left: float, right: float) -> Between:
+    def _measure(
+        self, plot: "FramedPlot", curve: "SampledCurve | PointCurve", left: float, right: float
+    ) -> IntervalStatistics:
         a, b = self.places
         x, values = curve.between(left, right)
         name = f"{plot.title}, {curve.label}"
         scaled = self.axis.scale * np.asarray(x, float)
-        return between(name, plot.unit, scaled, np.asarray(values, float), curve.value_at(a), curve.value_at(b))
+        return interval_statistics(
+            name, plot.unit, scaled, np.asarray(values, float), curve.value_at(a), curve.value_at(b)
+        )
 
     def text(self) -> str:
         """Return all statistics as tab-separated text, with "." as the decimal sign."""
@@ -217,7 +223,9 @@ class CursorReadout(QFrame):
         a, b = map(axis.value, self._cursors.places)
         span = abs(b - a) * axis.scale
         named = (("A", a), ("B", b), ("B − A", b - a))
-        places = [joined(tag("b", name), f" {local(f'{place:.4f}')} {axis.unit}{GAP}") for name, place in named]
+        places = [
+            joined(tag("b", name), f" {localised_number(f'{place:.4f}')} {axis.unit}{GAP}") for name, place in named
+        ]
         rate = f"({number(1 / span, 5) if span else DASH} {axis.inverse})" if axis.inverse else ""
         rows = [tag("tr", tag("td", places, rate, colspan=8))]
         measures = self._cursors.measures()

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 
 from analysis.shot import Floats
-from app.window.plots.lines import BAND, ColumnCurve, CrispCurve, Look
+from app.window.plots.lines import BAND, ColumnCurve, CrispCurve, LineStyle
 from app.window.plots.pyramid import Array, Pyramid, is_whole
 from app.window.theme import Colours
 
@@ -17,7 +17,7 @@ class SampledCurve(ColumnCurve):
     The samples are stored unchanged; at each change of the view their pyramid supplies the points to draw.
     """
 
-    def __init__(self, label: str, look: Look) -> None:
+    def __init__(self, label: str, look: LineStyle) -> None:
         super().__init__(look=look, connect="finite", antialias=False, skipFiniteCheck=False)
         self.label = label
         self._pyramid = Pyramid(np.empty(0))
@@ -88,7 +88,7 @@ class SampledCurve(ColumnCurve):
 class PointCurve(CrispCurve):
     """Points in any order of x; a curve without a look is not drawn, but the cursors read it."""
 
-    def __init__(self, label: str, look: Look | None = None) -> None:
+    def __init__(self, label: str, look: LineStyle | None = None) -> None:
         super().__init__(look=look, connect="finite")
         self.label = label
         self._x: Floats = np.empty(0)
@@ -130,14 +130,14 @@ class Band(pg.FillBetweenItem):
     """An opaque noise band about zero, of at most 600 points; its edges are drawn above the curves."""
 
     def __init__(self) -> None:
-        self.edges = tuple(CrispCurve(look=Look(BAND.edges, Qt.PenStyle.DashLine)) for _ in ("upper", "lower"))
+        self.edges = tuple(CrispCurve(look=LineStyle(BAND.edges, Qt.PenStyle.DashLine)) for _ in ("upper", "lower"))
         super().__init__(*self.edges, pen=pg.mkPen(None))
         self.setZValue(-10)
         self.typical = float("nan")  # median half width
         for line in self.edges:
             line.setZValue(10)
 
-    def dress(self, colours: Colours) -> None:
+    def apply_colours(self, colours: Colours) -> None:
         self.setBrush(pg.mkBrush(BAND.of(colours)))
 
     def show_band(self, start: float, step: float, half: NDArray[np.float64]) -> None:

@@ -14,11 +14,11 @@ from app.window.plots.lines import CrispCurve
 from app.window.theme import LIGHT, Colours
 
 
-class QuietView(pg.ViewBox):
+class PlotViewBox(pg.ViewBox):
     """A view box that emits clicks; dragging moves one axis, dragging with Shift zooms to a box."""
 
     clicked = Signal(float, float)
-    y_taken = Signal(bool)
+    y_set_by_user = Signal(bool)
     moved = Signal()  # the operator is moving the view
     placed = Signal()  # the operator has zoomed to a box
 
@@ -54,7 +54,7 @@ class QuietView(pg.ViewBox):
         by_control = event.modifiers() & Qt.KeyboardModifier.ControlModifier  # type: ignore[attr-defined]
         if axis != 1 and not by_control:
             return 0
-        self.y_taken.emit(True)
+        self.y_set_by_user.emit(True)
         return 1
 
     def _draw_box(self, event: Any) -> None:
@@ -70,7 +70,7 @@ class QuietView(pg.ViewBox):
     def zoom_to(self, box: QRectF) -> None:
         """Zoom to a box in the plot's units; a box without area is ignored."""
         if box.width() > 0.0 and box.height() > 0.0:
-            self.y_taken.emit(True)
+            self.y_set_by_user.emit(True)
             self.setRange(xRange=(box.left(), box.right()), yRange=(box.top(), box.bottom()), padding=0)
             self.placed.emit()
 
@@ -90,7 +90,7 @@ class FramedPlot(pg.GraphicsWidget):
     """
 
     def __init__(self, title: str, unit: str, axis_kind: type[PlainAxis] = PlainAxis) -> None:
-        view, axes = QuietView(), {side: axis_kind(side) for side in AXES_AT}  # made before their parent
+        view, axes = PlotViewBox(), {side: axis_kind(side) for side in AXES_AT}  # made before their parent
         super().__init__()
         self.colours = LIGHT
         self.view, self._axes = view, axes
@@ -117,21 +117,21 @@ class FramedPlot(pg.GraphicsWidget):
         self.caption.say(words)
         self.getAxis("left").setLabel(words)
 
-    def dress(self, colours: Colours) -> None:
+    def apply_colours(self, colours: Colours) -> None:
         """Apply colours to axes, grid, curves and bands."""
         self.colours = colours
         for axis in self._axes.values():
-            axis.dress(colours.edge, colours.text, colours.grid)
-        self.caption.dress(colours)
+            axis.apply_colours(colours.edge, colours.text, colours.grid)
+        self.caption.apply_colours(colours)
         for item in self.view.addedItems:
             if isinstance(item, CrispCurve | Band):
-                item.dress(colours)
+                item.apply_colours(colours)
 
     def addItem(self, item: Any, ignoreBounds: bool = False) -> None:
         """Add an item in the plot's units."""
         self.view.addItem(item, ignoreBounds)
         if isinstance(item, CrispCurve | Band):
-            item.dress(self.colours)
+            item.apply_colours(self.colours)
 
     def added(self, curve: Drawn) -> Drawn:
         """Add a curve that the cursors read, and return it."""
@@ -152,7 +152,7 @@ class FramedPlot(pg.GraphicsWidget):
         (left, right), (low, high) = self.view.viewRange()
         return (left, right), (low, high), True
 
-    def bring(self, state: ViewState) -> None:
+    def restore(self, state: ViewState) -> None:
         """Restore the ranges of a state."""
         x, y, _ = state
         self.view.setRange(xRange=x, yRange=y, padding=0)
@@ -190,7 +190,7 @@ class Caption(pg.TextItem):
         self._words = words
         self._fit()
 
-    def dress(self, colours: Colours) -> None:
+    def apply_colours(self, colours: Colours) -> None:
         self.setColor(colours.text)
         self.fill = pg.mkBrush(f"{colours.plot}a0")  # half transparent
 

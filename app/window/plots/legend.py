@@ -6,19 +6,19 @@ from PySide6.QtCore import QRect, QSize, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QWidget
 
-from app.window.plots.lines import Look, density
-from app.window.theme import Colours, Dressed
+from app.window.plots.lines import LineStyle, density
+from app.window.theme import Colours, Themed
 from app.window.widgets import FlowLayout, clear_layout, text_label
 
 _SAMPLE, _GAP = 26, 6
 
 
-def legend_height(entries: Sequence[tuple[str, Look]], width: int, font: QFont) -> int:
+def legend_height(entries: Sequence[tuple[str, LineStyle]], width: int, font: QFont) -> int:
     """Return the height of the legend in a picture of this width."""
     return sum(1 for _ in _rows(entries, width, QFontMetrics(font))) * (QFontMetrics(font).height() + 4)
 
 
-def paint_legend(painter: QPainter, entries: Sequence[tuple[str, Look]], width: int, colours: Colours) -> None:
+def paint_legend(painter: QPainter, entries: Sequence[tuple[str, LineStyle]], width: int, colours: Colours) -> None:
     """Draw the legend at the top of a picture, in the painter's font and pen."""
     metrics, words = painter.fontMetrics(), painter.pen()
     line = metrics.height() + 4
@@ -31,9 +31,9 @@ def paint_legend(painter: QPainter, entries: Sequence[tuple[str, Look]], width: 
 
 
 def _rows(
-    entries: Sequence[tuple[str, Look]], width: int, metrics: QFontMetrics
-) -> Iterator[list[tuple[int, str, Look]]]:
-    row: list[tuple[int, str, Look]] = []
+    entries: Sequence[tuple[str, LineStyle]], width: int, metrics: QFontMetrics
+) -> Iterator[list[tuple[int, str, LineStyle]]]:
+    row: list[tuple[int, str, LineStyle]] = []
     x = _GAP
     for name, look in entries:
         needed = _SAMPLE + _GAP + metrics.horizontalAdvance(name) + 3 * _GAP
@@ -46,11 +46,11 @@ def _rows(
         yield row
 
 
-def _paint_sample(painter: QPainter, look: Look, colours: Colours, place: QRect) -> None:
+def _paint_sample(painter: QPainter, look: LineStyle, colours: Colours, place: QRect) -> None:
     """Draw a line through the middle of ``place``, or a band that fills it."""
     if look.edges:
         painter.fillRect(place, QColor(look.of(colours)))
-        painter.setPen(QPen(QColor(Look(look.edges).of(colours)), 1, Qt.PenStyle.DashLine))
+        painter.setPen(QPen(QColor(LineStyle(look.edges).of(colours)), 1, Qt.PenStyle.DashLine))
         heights = [place.top(), place.bottom()]
     else:
         pen = look.pen(colours)
@@ -61,10 +61,10 @@ def _paint_sample(painter: QPainter, look: Look, colours: Colours, place: QRect)
         painter.drawLine(place.left(), y, place.left() + place.width(), y)
 
 
-class LineSample(Dressed, QWidget):
+class LineSample(Themed, QWidget):
     """A widget with a sample of a line or of a band."""
 
-    def __init__(self, look: Look, colours: Colours, parent: QWidget) -> None:
+    def __init__(self, look: LineStyle, colours: Colours, parent: QWidget) -> None:
         super().__init__(parent)
         self._look = look
         self.colours = colours
@@ -82,15 +82,15 @@ def is_low(page: QWidget) -> bool:
     return page.height() < LOW_LINES * page.fontMetrics().lineSpacing()
 
 
-class Legend(Dressed, QWidget):
+class Legend(Themed, QWidget):
     """The legend widget: all entries side by side."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._row = FlowLayout(self)
-        self.entries: list[tuple[str, Look]] = []
+        self.entries: list[tuple[str, LineStyle]] = []
 
-    def show_entries(self, entries: Sequence[tuple[str, Look]]) -> None:
+    def show_entries(self, entries: Sequence[tuple[str, LineStyle]]) -> None:
         """Show these entries, each with its name."""
         if list(entries) == self.entries:
             return

@@ -38,7 +38,7 @@ def straight(colour: str, dash: Qt.PenStyle = Qt.PenStyle.SolidLine, width: int 
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class LineStyle:
     """Style of a line or band, independent of the colour scheme."""
 
     colour: str  # name of a field of ``Colours``
@@ -60,15 +60,15 @@ class Look:
         return pg.mkPen(QColor(colour), width=1, style=self.dash)
 
 
-MEASURED, RESIDUAL = Look("measured"), Look("residual")
-SIMULATED = Look("simulated", width=3)  # wider than the measured curve above it, so that both are visible
-BAND = Look("band", edges="band_edge")
+MEASURED, RESIDUAL = LineStyle("measured"), LineStyle("residual")
+SIMULATED = LineStyle("simulated", width=3)  # wider than the measured curve above it, so that both are visible
+BAND = LineStyle("band", edges="band_edge")
 
 
-def series(index: int) -> Look:
+def series(index: int) -> LineStyle:
     """Return the look of the index-th overlaid shot: a different colour, and a new dash when the colours repeat."""
     turn, place = divmod(index, len(LIGHT.series))
-    return Look("series", DASHES[turn % len(DASHES)], place=place)
+    return LineStyle("series", DASHES[turn % len(DASHES)], place=place)
 
 
 DENSE = 1.5  # least device pixels per logical pixel of a dense screen
@@ -77,11 +77,11 @@ DENSE = 1.5  # least device pixels per logical pixel of a dense screen
 class CrispCurve(pg.PlotCurveItem):
     """A curve that is visible on screens of any pixel density; without a look it is not drawn."""
 
-    def __init__(self, *points: Floats, look: Look | None = None, **how: Any) -> None:
+    def __init__(self, *points: Floats, look: LineStyle | None = None, **how: Any) -> None:
         super().__init__(*points, **how)
         self.look = look
 
-    def dress(self, colours: Colours) -> None:
+    def apply_colours(self, colours: Colours) -> None:
         self.setPen(self.look.pen(colours) if self.look is not None else pg.mkPen(None))
 
     def boundingRect(self) -> QRectF:

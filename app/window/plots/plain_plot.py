@@ -11,7 +11,7 @@ from app.window.plots.axis import PlainAxis
 from app.window.plots.cursors import CursorAxis
 from app.window.plots.curve import PointCurve
 from app.window.plots.framed_plot import FramedPlot, Span
-from app.window.plots.lines import Look
+from app.window.plots.lines import LineStyle
 from app.window.plots.plot_view import PlotView
 from app.words import number
 
@@ -39,7 +39,7 @@ class PlainPlot(PlotView):
         self.columns: dict[str, Floats] = {}
         self._whole: tuple[Span, Span] | None = None
 
-    def add_curve(self, label: str, look: Look | None = None) -> PointCurve:
+    def add_curve(self, label: str, look: LineStyle | None = None) -> PointCurve:
         """Add an empty curve that the cursors read."""
         return self.plot.added(self.curve_kind(label, look))
 
@@ -53,7 +53,7 @@ class PlainPlot(PlotView):
         if self._whole is not None:
             x, y = self._whole
             self.plot.view.setRange(xRange=x, yRange=y, padding=0)
-            self.note_now()
+            self.record_view()
 
 
 FEW_DECADES = 2.6  # axis length up to which 2 and 5 are labelled too

@@ -74,10 +74,10 @@ class PlotNotes(QObject):
             self._notes = tuple(notes)
             self._draw()
 
-    def dress(self) -> None:
+    def apply_colours(self) -> None:
         """Apply the view's colours."""
         for drawn in self._drawn:
-            drawn.dress(self._view.colours)
+            drawn.apply_colours(self._view.colours)
 
     def _draw(self) -> None:
         for drawn in self._drawn:
@@ -173,7 +173,7 @@ class _DrawnNote:
         self._dot.setToolTip(hover_text(note.text))
         plot.view.sigRangeChanged.connect(self._turn)
         plot.view.sigResized.connect(self._fit)
-        self.dress(colours)
+        self.apply_colours(colours)
         self._turn()
         self._fit()
 
@@ -185,7 +185,7 @@ class _DrawnNote:
     def _fit(self, *_: object) -> None:
         self._text.setVisible(self.plot.view.height() >= _LEAST_HEIGHT * self._text.boundingRect().height())
 
-    def dress(self, colours: Colours) -> None:
+    def apply_colours(self, colours: Colours) -> None:
         self._dot.setBrush(pg.mkBrush(colours.cursor_a))
         self._dot.setPen(straight(colours.plot))
         self._text.setColor(colours.text)

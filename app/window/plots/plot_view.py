@@ -10,9 +10,9 @@ from PySide6.QtWidgets import QMenu, QWidget
 
 from app.window.plots.cursors import TIME, CursorAxis, Cursors
 from app.window.plots.framed_plot import FramedPlot, Span, ViewState
-from app.window.plots.lines import Look
+from app.window.plots.lines import LineStyle
 from app.window.plots.plot_notes import PlotNotes
-from app.window.theme import Colours, Dressed
+from app.window.theme import Colours, Themed
 
 SETTLED_MS = 300  # time without movement after which a view is added to the history
 PAN = 0.1  # shift per press of an arrow key, as a fraction of the view
@@ -20,7 +20,7 @@ ZOOM = 0.8
 NUDGE = 0.01  # shift of a cursor per key press, as a fraction of the view
 
 
-class PlotView(Dressed, pg.GraphicsLayoutWidget):
+class PlotView(Themed, pg.GraphicsLayoutWidget):
     """One plot, or several stacked plots with a common x axis; subclasses draw the curves."""
 
     export_wanted = Signal(object, str)  # this view, and "png", "svg" or "csv"
@@ -30,7 +30,7 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
     def __init__(self, name: str, axis: CursorAxis = TIME, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.name = name
-        self.legend: Sequence[tuple[str, Look]] = ()  # the panel's legend, for saved pictures
+        self.legend: Sequence[tuple[str, LineStyle]] = ()  # the panel's legend, for saved pictures
         self.shows: tuple[object, ...] = ()  # the shots whose curves are drawn
         self.setAccessibleName(name)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
@@ -42,15 +42,15 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         self._settling = QTimer(self)
         self._settling.setSingleShot(True)
         self._settling.setInterval(SETTLED_MS)
-        self._settling.timeout.connect(self.note_now)
+        self._settling.timeout.connect(self.record_view)
 
     def join(self, plot: FramedPlot) -> None:
         """Add a plot below the others."""
         self.addItem(plot, row=len(self.plots), col=0)
         self.plots = (*self.plots, plot)
-        plot.view.moved.connect(self.note_view)
-        plot.view.placed.connect(self.note_now)
-        plot.dress(self.colours)
+        plot.view.moved.connect(self.record_view_later)
+        plot.view.placed.connect(self.record_view)
+        plot.apply_colours(self.colours)
 
     @property
     def span(self) -> Span:
@@ -66,7 +66,7 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         """Show the whole range again."""
         raise NotImplementedError
 
-    def tell(self, shots: Sequence[object], words: str) -> None:
+    def set_shots(self, shots: Sequence[object], words: str) -> None:
         """Set the shots whose curves are drawn, and the title of saved pictures."""
         if [*map(id, self.shows)] != [*map(id, shots)]:  # by identity: == would compare the shots' arrays
             self._history.clear()
@@ -75,13 +75,13 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         self.shows = tuple(shots)
         self.setAccessibleDescription(words)
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         self.setBackground(colours.plot)
         for plot in self.plots:
-            plot.dress(colours)
-        self.cursors.dress()
-        self.notes.dress()
+            plot.apply_colours(colours)
+        self.cursors.apply_colours()
+        self.notes.apply_colours()
 
     # history of views --------------------------------------------------------------------------------------------
 
@@ -91,23 +91,23 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
         return tuple(plot.state for plot in self.plots)
 
     @Slot()
-    def note_view(self) -> None:
+    def record_view_later(self) -> None:
         """Add the view to the history once it has stopped moving."""
         self._settling.start()
 
     @Slot()
-    def note_now(self) -> None:
+    def record_view(self) -> None:
         """Add the view to the history now."""
         self._history.note(self.states)
 
     def step_view(self, by: int) -> bool:
         """Go back (-1) or forward (1) in the history; return whether there was a view to show."""
         self._settling.stop()
-        self.note_now()
+        self.record_view()
         states = self._history.step(by)
         if states is not None:
             for plot, state in zip(self.plots, states, strict=True):
-                plot.bring(state)
+                plot.restore(state)
         return states is not None
 
     # cursors ----------------------------------------------------------------------------------------------------
@@ -151,12 +151,12 @@ class PlotView(Dressed, pg.GraphicsLayoutWidget):
             self.cursors.step("A" if modifiers & Qt.KeyboardModifier.ShiftModifier else "B", side * NUDGE * width)
         elif side:
             self.show_span(left + side * PAN * width, right + side * PAN * width)
-            self.note_view()
+            self.record_view_later()
         elif key in (Qt.Key.Key_Up, Qt.Key.Key_Plus, Qt.Key.Key_Down, Qt.Key.Key_Minus):
             closer = key in (Qt.Key.Key_Up, Qt.Key.Key_Plus)
             middle, half = 0.5 * (left + right), 0.5 * width * (ZOOM if closer else 1 / ZOOM)
             self.show_span(middle - half, middle + half)
-            self.note_view()
+            self.record_view_later()
         elif key == Qt.Key.Key_Home:
             self.reset()
         else:

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from analysis.shot import Floats
 from app.window.plots.pyramid import Pyramid
-from app.window.theme import Colours, Dressed, Tone
+from app.window.theme import Colours, Themed, Tone
 from app.words import number, prefix_for
 
 MOST = 12  # most shots drawn
@@ -40,7 +40,7 @@ class Overlay:
     remains_m: Floats
 
 
-class ResidualGrid(Dressed, QWidget):
+class ResidualGrid(Themed, QWidget):
     """The grid of residual plots on the DIAGNOSIS page."""
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -52,8 +52,8 @@ class ResidualGrid(Dressed, QWidget):
         self.setMinimumHeight(13 * self.fontMetrics().lineSpacing())
         self.setAccessibleName("Residuals of all shots, before and after")
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         self.update()
 
     def show_cells(self, cells: Sequence[Cell]) -> None:

@@ -12,7 +12,7 @@ from PySide6.QtSvg import QSvgGenerator
 
 from app.report import write_table
 from app.window.plots.legend import legend_height, paint_legend
-from app.window.plots.lines import Look
+from app.window.plots.lines import LineStyle
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
 
@@ -45,7 +45,7 @@ def _heading_height(view: pg.GraphicsView) -> int:
     return view.fontMetrics().height() + 6 if view.accessibleDescription() else 0
 
 
-def _legend(view: pg.GraphicsView) -> Sequence[tuple[str, Look]]:
+def _legend(view: pg.GraphicsView) -> Sequence[tuple[str, LineStyle]]:
     return view.legend if isinstance(view, PlotView) else ()
 
 

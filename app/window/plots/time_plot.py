@@ -11,7 +11,7 @@ from app.window.plots.axis import PlainAxis
 from app.window.plots.cursors import TIME, CursorAxis
 from app.window.plots.curve import Band, PointCurve, SampledCurve
 from app.window.plots.framed_plot import FramedPlot, Span, ViewState
-from app.window.plots.lines import Look, straight
+from app.window.plots.lines import LineStyle, straight
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Colours
 
@@ -34,18 +34,18 @@ class TimePlot(FramedPlot):
         self._y_by_hand = False
         self.view.sigXRangeChanged.connect(self.fit_y)
         self.view.sigResized.connect(self._resized)
-        self.view.y_taken.connect(self._take_y)
+        self.view.y_set_by_user.connect(self._take_y)
 
-    def dress(self, colours: Colours) -> None:
-        super().dress(colours)
+    def apply_colours(self, colours: Colours) -> None:
+        super().apply_colours(colours)
         for mark in self.marks:
             mark.setPen(straight(colours.marker, Qt.PenStyle.DotLine))
 
-    def add_curve(self, label: str, look: Look) -> SampledCurve:
+    def add_curve(self, label: str, look: LineStyle) -> SampledCurve:
         """Add an empty curve."""
         return self.added(SampledCurve(label, look))
 
-    def add_points(self, label: str, look: Look) -> PointCurve:
+    def add_points(self, label: str, look: LineStyle) -> PointCurve:
         """Add an empty curve for points that are already decimated."""
         return self.added(PointCurve(label, look))
 
@@ -96,9 +96,9 @@ class TimePlot(FramedPlot):
         x, y, _ = super().state
         return x, y, self._y_by_hand
 
-    def bring(self, state: ViewState) -> None:
+    def restore(self, state: ViewState) -> None:
         self._y_by_hand = True  # prevents a fit of y while x changes
-        super().bring(state)
+        super().restore(state)
         self._y_by_hand = state[2]
 
     def free_y(self) -> None:
@@ -182,7 +182,7 @@ class TimeStack(PlotView):
         self.show_span(left, right)
         for plot in self.plots:
             plot.fit_y()
-        self.note_now()
+        self.record_view()
 
     def show_whole(self, left: float, right: float) -> None:
         """Show this time range and set it as the range of ``reset``."""

@@ -10,11 +10,11 @@ from PySide6.QtWidgets import QMenu
 from analysis.diagnosis import SavedModel
 from analysis.shot import Fit
 from app.session import Entry, SettingsStore, Workbench, drift_words, is_session
-from app.window.file_dialog import FileDialogs, Want, ask_for_one
+from app.window.file_dialog import FileDialogs, PathKind, ask_for_one
 from app.window.layout import Layout
 from app.window.theme import Tone
 from app.window.widgets import hover_text
-from app.words import counted, local_words
+from app.words import counted, localised_text
 
 SESSIONS = "Levimass session (*.json)"
 
@@ -38,13 +38,13 @@ class FilesPresenter(QObject):
 
     @Slot()
     def open_session(self) -> None:
-        ask_for_one(self._panels, "Open a session", Want.FILE, self.open_named, self._folder(), SESSIONS)
+        ask_for_one(self._panels, "Open a session", PathKind.FILE, self.open_named, self._folder(), SESSIONS)
 
     @Slot()
     def save_session(self) -> None:
         """Ask for a file and save the session to it from now on."""
         start = self._folder() / "session.json"
-        ask_for_one(self._panels, "Save the session as", Want.NEW_FILE, self.save_to, start, SESSIONS)
+        ask_for_one(self._panels, "Save the session as", PathKind.NEW_FILE, self.save_to, start, SESSIONS)
 
     @Slot()
     def usual_session(self) -> None:
@@ -150,18 +150,18 @@ class ModelPresenter(QObject):
     def save_model(self) -> None:
         """Ask for a file and save the model of the selected shots, or of all if none is selected."""
         then = self._panels.table.with_selected(self._workbench.exports.save_model)
-        self._dialogs.ask("Save the model", Want.NEW_FILE, then, "model.toml", MODELS)
+        self._dialogs.ask("Save the model", PathKind.NEW_FILE, then, "model.toml", MODELS)
 
     @Slot()
     def load_model(self) -> None:
         """Ask for a model file and use it."""
-        self._dialogs.ask("Open a model", Want.FILE, self._workbench.model.load, kinds=MODELS)
+        self._dialogs.ask("Open a model", PathKind.FILE, self._workbench.model.load, kinds=MODELS)
 
     @Slot()
     def test_model(self) -> None:
         """Ask for a model file and test its predictions on the selected shots, or on all if none is selected."""
         then = self._panels.table.with_selected(self._workbench.exports.test_model)
-        self._dialogs.ask("Test a model's predictions", Want.FILE, then, kinds=MODELS)
+        self._dialogs.ask("Test a model's predictions", PathKind.FILE, then, kinds=MODELS)
 
 
 def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:
@@ -172,6 +172,6 @@ def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple
         return "", Tone.NEUTRAL
     if fit.model != known.base:
         return f"the model file has base model {known.base}, this fit has {fit.model}", Tone.WARNING
-    far = local_words(drift_words(known, fit))
+    far = localised_text(drift_words(known, fit))
     words = f"differs from the model file: {far}" if far else "agrees with the model file"
     return words, Tone.WARNING if far else Tone.GOOD

@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Slot
 from analysis.shot import Progress, Role, Stop
 from app.session import ChannelSummary, Job, SettingsStore, Workbench, summarise_channels
 from app.window.layout import Layout
-from app.window.panels.mapping_sheet import Answer
+from app.window.panels.mapping_sheet import ChannelAssignment
 from instrument.files import (
     FOLDER_MAPPING,
     ForeignContents,
@@ -86,7 +86,7 @@ class MappingPresenter(QObject):
         self._workbench.reanalyse([number])
 
     @Slot(object)
-    def _applied(self, answer: Answer) -> None:
+    def _applied(self, answer: ChannelAssignment) -> None:
         path = self._path
         if path is None or self._job is not None:
             return

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QApplication
 
 from app.session import FIELDS, Entry, Rig, SettingsStore
 from app.window import state_words
-from app.window.file_dialog import Want, ask_for_one
+from app.window.file_dialog import PathKind, ask_for_one
 from app.window.layout import Layout
 from app.window.theme import Tone
 from app.window.widgets import Sheet
@@ -58,10 +58,10 @@ class RigPresenter(QObject):
         if sources != self._offered and not p.controls.source.view().isVisible():
             self._offer_sources()
         p.controls.show_state(self._rig.can_arm(snapshot), self._rig.can_abort(snapshot))
-        for name, sign in state_words.signs(
+        for name, sign in state_words.tile_texts(
             snapshot.signal, self._rig.rate_hz, self._store.settings.bandwidth_hz
         ).items():
-            p.signals.show_sign(name, sign)
+            p.signals.show_tile(name, sign)
         p.signals.show_folder(str(snapshot.signal.folder or ""))
         on_live = p.tabs.currentIndex() == Layout.LIVE
         self._rig.watch(on_live or p.setup.isVisible())
@@ -139,7 +139,7 @@ class RigPresenter(QObject):
             self.said.emit("All shots are saved", Tone.NEUTRAL)
             return
         title, then = "Save the shots in memory to", self.save_elsewhere_wanted.emit
-        ask_for_one(self._panels, title, Want.FOLDER, then, Path.home())
+        ask_for_one(self._panels, title, PathKind.FOLDER, then, Path.home())
 
     @Slot()
     def toggle_rearm(self) -> None:
@@ -159,7 +159,7 @@ class RigPresenter(QObject):
         if name == "replay:":
             self._offer_sources()
             start = self._store.start_folder
-            ask_for_one(self._panels, "Recording to play back", Want.FILE, self._replay_asked, start, RECORDINGS)
+            ask_for_one(self._panels, "Recording to play back", PathKind.FILE, self._replay_asked, start, RECORDINGS)
             return
         if name != self._rig.source:
             self._rig.open(name)

@@ -98,8 +98,8 @@ class SelectionPresenter(QObject):
         p = self._panels
         entry = self.front()
         shot = entry.shot if entry is not None else None
-        judged_by = self._judged_by(entry)
-        now = (entry.number, shot, judged_by) if entry is not None else None
+        band_from = self._judged_by(entry)
+        now = (entry.number, shot, band_from) if entry is not None else None
         before = self._shown
         if now is None or before is None or now[0] != before[0] or now[1] is not before[1] or now[2] is not before[2]:
             self._shown = now

@@ -9,7 +9,7 @@ from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
 from app.report import document_of
 from app.session import NOT_SAVED, Event, EventKind, SettingsStore, Workbench, is_swapped
-from app.window.file_dialog import FileDialogs, Want, ask
+from app.window.file_dialog import FileDialogs, PathKind, ask
 from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
@@ -152,7 +152,7 @@ class SessionPresenter(QObject):
 
     @Slot()
     def open_recordings(self) -> None:
-        ask(self._panels, "Open recordings", Want.FILES, self.open_paths, self._dialogs.folder, OPENED)
+        ask(self._panels, "Open recordings", PathKind.FILES, self.open_paths, self._dialogs.folder, OPENED)
 
     def open_paths(self, paths: list[Path]) -> None:
         """Open recordings and folders of recordings."""
@@ -171,25 +171,25 @@ class SessionPresenter(QObject):
     @Slot()
     def open_folder(self) -> None:
         """Ask for a folder and open every recording in it."""
-        ask(self._panels, "Open a folder of recordings", Want.FOLDER, self.open_paths, self._dialogs.folder)
+        ask(self._panels, "Open a folder of recordings", PathKind.FOLDER, self.open_paths, self._dialogs.folder)
 
     @Slot()
     def export_selected(self) -> None:
         """Ask for a folder and export the selected shots, or all if none is selected, as CSV."""
         then = self._panels.table.with_selected(self._workbench.exports.export)
-        self._dialogs.ask("Export CSV to", Want.FOLDER, then)
+        self._dialogs.ask("Export CSV to", PathKind.FOLDER, then)
 
     @Slot()
     def export_hdf5(self) -> None:
         """Ask for a folder and export the selected shots, or all if none is selected, as HDF5."""
         then = self._panels.table.with_selected(self._workbench.exports.export_hdf5)
-        self._dialogs.ask("Export HDF5 to", Want.FOLDER, then)
+        self._dialogs.ask("Export HDF5 to", PathKind.FOLDER, then)
 
     @Slot()
     def report_selected(self) -> None:
         """Ask for a file and write the report on the selected shots, or on all if none is selected."""
         then, kinds = self._panels.table.with_selected(self._workbench.exports.report), "HTML (*.html);;PDF (*.pdf)"
-        self._dialogs.ask("Save the report", Want.NEW_FILE, then, "report.html", kinds)
+        self._dialogs.ask("Save the report", PathKind.NEW_FILE, then, "report.html", kinds)
 
     @Slot()
     def print_report(self) -> None:

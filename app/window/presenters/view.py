@@ -7,7 +7,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 
-from app.window.file_dialog import FileDialogs, Want
+from app.window.file_dialog import FileDialogs, PathKind
 from app.window.layout import Layout
 from app.window.plots import save
 from app.window.plots.plain_plot import PlainPlot
@@ -125,7 +125,7 @@ class ViewPresenter(QObject):
     @Slot(object, str)
     def _ask_and_save(self, plot: PlotView, kind: str) -> None:
         title, kinds = f"Save the plot as {kind.upper()}", f"{kind.upper()} (*.{kind})"
-        self._dialogs.ask(title, Want.NEW_FILE, partial(self.save, plot), f"plot.{kind}", kinds)
+        self._dialogs.ask(title, PathKind.NEW_FILE, partial(self.save, plot), f"plot.{kind}", kinds)
 
     def save(self, plot: PlotView, path: Path) -> None:
         """Save a plot in the format of the path's ending."""

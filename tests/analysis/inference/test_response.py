@@ -11,8 +11,8 @@ from analysis.collision import averaged
 from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.base import PLATE_NAMES
 from analysis.inference.fit.response import Response, ShotModel, respond
+from instrument.bench.measured_path import simulate_collision
 from instrument.bench.mechanics import Bodies
-from instrument.bench.observation import run_shot
 from tests.analysis.inference.shown import model_of, shown
 
 TIME_S = np.arange(6000) * 1e-5
@@ -34,7 +34,7 @@ def test_impossible_parameters_are_refused() -> None:
 @pytest.mark.parametrize("reach_m", [1e-5, 1e-4])
 def test_an_attraction_is_met_as_the_bench_meets_it(reach_m: float) -> None:
     adhesion, bodies, far_m = {"force_n": 5e-3, "range_m": reach_m}, Bodies(), 3e-3
-    truth = run_shot(OWN[0], {"adhesion": adhesion}, bodies, far_m, TIME_S[-1] + 1e-4)
+    truth = simulate_collision(OWN[0], {"adhesion": adhesion}, bodies, far_m, TIME_S[-1] + 1e-4)
     base = np.array([getattr(bodies, name) for name in PLATE_NAMES])
     # "Velocity in" is that of the free flight, the touch the instant it would lead to.
     own = np.array([OWN[0], far_m / -OWN[0], 0.0])

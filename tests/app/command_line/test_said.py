@@ -19,9 +19,9 @@ from analysis.planning.shot_log import PlanningState
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError, AnalysisSettings
 from app.command_line import acquire, doctor, machine, outputs, replay, resolve
-from app.command_line.cli import main, reach_of, run_of
+from app.command_line.cli import main, prepared_command, reach_of
 from app.command_line.options import COMMANDS, PLAN, WINDOW
-from app.command_line.outputs import Outputs, check_outputs, in_a_line, own_fault, problem_line
+from app.command_line.outputs import Outputs, check_outputs, error_line, problem_line, program_fault
 from app.command_line.parser import command_of, command_parser, flat_parser, parse, settings_from
 from app.command_line.replay import ReplayRequest
 from app.session.model_in_use import write_model
@@ -114,7 +114,7 @@ def test_what_a_call_runs(monkeypatch):
         options = parse(call.split())
         given = {name: value for name, value in vars(options).items() if value != usual.get(name)}
         said = [f"{name} = {_words(value)}" for name, value in sorted(given.items())]
-        runs = _words(run_of(options, call.split()))
+        runs = _words(prepared_command(options, call.split()))
         parts[call] = [f"command {command_of(options)}", *said, f"runs {runs}"]
     check("calls", parts, KEPT)
     assert command_of(parse([])) == WINDOW == command_of(parse(["--site", "VC-D"]))
@@ -251,7 +251,7 @@ def test_the_next_shots_are_planned_from_a_diagnosis(shots, capsys, tmp_path, mo
 
 
 def test_the_doctor_prints_its_checks_and_fails_with_them(capsys, monkeypatch, tmp_path):
-    monkeypatch.setattr(doctor, "examine", lambda _: (Check("disk", Grade.WARN, "1 GB free"),))
+    monkeypatch.setattr(doctor, "check_computer", lambda _: (Check("disk", Grade.WARN, "1 GB free"),))
     monkeypatch.setattr(doctor, "why_no_window", lambda: "no display")
     monkeypatch.setattr(doctor, "complete", lambda: False)
     kernels = tmp_path / "kernels"
@@ -347,13 +347,13 @@ def test_why_no_window_opens(monkeypatch):
 
 def test_errors_are_one_line_with_the_file_in_it(tmp_path, capsys):
     path = tmp_path / "x.csv"
-    assert in_a_line(PermissionError(13, "denied", "/y"), path) == "/y: denied"
-    assert in_a_line(OSError("gone"), "z") == "z: gone"
-    assert in_a_line(AnalysisError("why"), "z") == "z: why" and "x.csv: why" in in_a_line(
+    assert error_line(PermissionError(13, "denied", "/y"), path) == "/y: denied"
+    assert error_line(OSError("gone"), "z") == "z: gone"
+    assert error_line(AnalysisError("why"), "z") == "z: why" and "x.csv: why" in error_line(
         RecordingError(path, "why"), "z"
     )
     assert problem_line("/a/b.csv", "b.csv: spoilt") == "b.csv: spoilt" and problem_line("/a/b", "no") == "/a/b: no"
-    assert str(own_fault(ValueError("a\n b"))) == "a fault of the program: ValueError: a b"
+    assert str(program_fault(ValueError("a\n b"))) == "a fault of the program: ValueError: a b"
     check_outputs("-", None, None)
     check_outputs(str(tmp_path / "r.json"), tmp_path / "new" / "er", tmp_path / "r.html")
     assert (tmp_path / "new" / "er").is_dir()

@@ -22,7 +22,7 @@ from app.session.model_in_use import OwnLaws, drift_words, load_model
 from app.session.session import Session
 from app.session.verdict_basis import Diagnosed, Diagnoses, ModelEffects
 from app.session.workbench import Workbench
-from instrument.files.recording_error import PartlySaved, RecordingError
+from instrument.files.recording_error import RecordingError, SomeShotsNotSaved
 from tests.app import synthetic
 from tests.app.window.scene import check
 
@@ -313,7 +313,7 @@ def test_shots_in_memory_are_saved_elsewhere(bench, tmp_path):
     assert one.workbench.unsaved.path_of("run-2") is None
 
     def full(folder):
-        raise PartlySaved(RecordingError(tmp_path, "the disk is full"), {"run-3": tmp_path / "3"})
+        raise SomeShotsNotSaved(RecordingError(tmp_path, "the disk is full"), {"run-3": tmp_path / "3"})
 
     one.workbench.unsaved.save(lambda _: {}, tmp_path)
     parts["none"] = one.said()

@@ -41,7 +41,7 @@ from app.window.panels.rig import Banner
 from app.window.plots.curve import Band
 from app.window.plots.framed_plot import Caption, FramedPlot
 from app.window.plots.legend import Legend
-from app.window.plots.lines import CrispCurve, Look
+from app.window.plots.lines import CrispCurve, LineStyle
 from app.window.plots.plot_view import PlotView
 from app.window.plots.residual_grid import ResidualGrid
 from app.window.widgets import ElidedLabel
@@ -255,7 +255,7 @@ def _of_tree(tree: QTreeWidget) -> list[str]:
 # plots ----------------------------------------------------------------------------------------------------------------
 
 
-def _look(look: Look | None) -> str:
+def _look(look: LineStyle | None) -> str:
     if look is None:
         return "not drawn"
     place = f" {look.place}" if look.colour == "series" else ""

@@ -287,7 +287,7 @@ def test_what_closing_would_lose_is_said_once_for_each_item(window, monkeypatch)
     parts = {}
     for name, (snapshot, files, work) in cases.items():
         waiting.update({"open": files, "diagnosis": work})
-        parts[name] = [f"{key}: {words}" for key, words in window._at_stake(snapshot).items()]
+        parts[name] = [f"{key}: {words}" for key, words in window._unsaved_items(snapshot).items()]
     check("at-stake", parts)
 
 

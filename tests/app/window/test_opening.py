@@ -82,7 +82,7 @@ def test_a_window_says_what_is_wrong_with_its_files_and_keeps_all_it_has_in_its_
 def test_closing_asks_once_where_something_is_at_stake_and_saves_the_window(opened, qtbot, tmp_path, monkeypatch):
     window = opened(tmp_path, rigs.idle_bench)
     at_stake = {"a": "1 shot is only in memory", "b": "1 shot is only in memory", "rig": "The rig is armed"}
-    monkeypatch.setattr(window, "_at_stake", lambda _: at_stake)
+    monkeypatch.setattr(window, "_unsaved_items", lambda _: at_stake)
     closed = []
     monkeypatch.setattr(window.workbench, "close", lambda close=window.workbench.close: closed.append(1) or close())
     event = QCloseEvent()

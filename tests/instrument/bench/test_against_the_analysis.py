@@ -7,8 +7,8 @@ from analysis.collision import general
 from analysis.collision.effects import named
 from analysis.collision.parameters import Collision
 from instrument.bench.effects import CATALOGUE, draw
+from instrument.bench.measured_path import simulate_collision
 from instrument.bench.mechanics import Bodies, collide
-from instrument.bench.observation import run_shot
 
 SPEED, DISTANCE_M = 0.265, 2e-3
 BODIES = Bodies(18e-3, 2.1e-4, 230.0, 0.9e4, 0.45)
@@ -32,7 +32,7 @@ def _solved(effects, touch_s, velocity_in, plate=(0.0, 0.0)):
 @pytest.mark.parametrize("name", FORCES)
 def test_an_effect_moves_block_and_plate_as_the_analysis_solves_it(name):
     effects = {name: draw(name, np.random.default_rng(3))}
-    run, plain = (run_shot(-SPEED, of, BODIES, DISTANCE_M, 0.06) for of in (effects, {}))
+    run, plain = (simulate_collision(-SPEED, of, BODIES, DISTANCE_M, 0.06) for of in (effects, {}))
     # of an attraction over a distance the analysis counts from where the flight before it would have touched
     reached = name == "adhesion"
     touch_s, velocity_in = (DISTANCE_M / SPEED, -SPEED) if reached else (run.touch_time_s, run.velocity_in_m_per_s)
@@ -51,7 +51,7 @@ def test_several_effects_act_at_once_and_on_a_plate_that_swings():
         for seed, name in enumerate(("quadratic_drag", "block_mode", "cubic_stiffness", "nonlinear_contact_damping"))
     }
     plate = 3e-6, -4e-3
-    run = run_shot(
+    run = simulate_collision(
         -SPEED, effects | {"plate_motion": {"displacement_m": plate[0], "velocity_m_per_s": plate[1]}}, BODIES,
         DISTANCE_M, 0.06,
     )  # fmt: skip

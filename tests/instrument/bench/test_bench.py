@@ -16,7 +16,7 @@ from instrument.bench.site import Knock, Site
 @pytest.mark.parametrize("added", [0.0, 1.0])
 def test_a_rig_at_its_limits_can_be_made(velocity: float, spread: float, added: float) -> None:
     bench = Bench(velocity_m_per_s=velocity, velocity_spread=spread, added_kg=added)
-    assert bench.loaded_bodies.block_mass_kg == bench.bodies.block_mass_kg + added == bench.setup.moving_mass_kg
+    assert bench.bodies_with_weights.block_mass_kg == bench.bodies.block_mass_kg + added == bench.setup.moving_mass_kg
 
 
 @pytest.mark.parametrize(

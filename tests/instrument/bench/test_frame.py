@@ -53,7 +53,7 @@ def test_the_power_of_a_frame_is_the_integral_of_its_density():
 
 
 def test_a_later_clock_shows_the_same_frame():
-    frame = frame_of(Site(third_octave_m_per_s=1e-6, knocks=(Knock(1e-6, at_s=0.02),)), 3).knocked(0.5, 0)
+    frame = frame_of(Site(third_octave_m_per_s=1e-6, knocks=(Knock(1e-6, at_s=0.02),)), 3).with_knocks(0.5, 0)
     time_s = np.linspace(0.0, 0.1, 300)
     for one, other in zip(frame.from_time(0.48).motion(time_s), frame.motion(0.48 + time_s), strict=True):
         assert one == pytest.approx(other, rel=0, abs=2e-5 * np.abs(other).max())
@@ -74,20 +74,20 @@ def test_the_plate_swings_as_an_oscillator_on_the_shaken_frame():
 
 def test_knocks_come_in_their_share_of_the_shots_at_any_time_of_it_and_to_either_side():
     frame = frame_of(Site(knocks=(Knock(5e-8, share=0.25),)), 11)
-    knocked = [frame.knocked(10.0, shot) for shot in range(400)]
+    knocked = [frame.with_knocks(10.0, shot) for shot in range(400)]
     struck = [one.ringing[0] for one in knocked if one.ringing]
     assert len(struck) == pytest.approx(100, abs=30)
     starts = np.array([one.start_s for one in struck]) - 10.0
     assert 0.0 <= starts.min() < 0.003 and 0.05 < starts.max() <= 0.055
     to_the_right = sum(one.amplitude[0].real > 0 for one in struck)
     assert to_the_right == pytest.approx(len(struck) / 2, abs=20)
-    again = frame.knocked(10.0, 0).knocked(20.0, 1)
+    again = frame.with_knocks(10.0, 0).with_knocks(20.0, 1)
     assert len(again.ringing) <= 1  # of this shot alone
-    assert knocked[3] == frame.knocked(10.0, 3)
+    assert knocked[3] == frame.with_knocks(10.0, 3)
 
 
 def test_a_knock_rings_at_its_frequency_and_decays_as_stated():
-    frame = frame_of(Site(knocks=(Knock(50e-9, frequency_hz=80.0, decay_s=0.02, at_s=0.01),)), 1).knocked(0.0, 0)
+    frame = frame_of(Site(knocks=(Knock(50e-9, frequency_hz=80.0, decay_s=0.02, at_s=0.01),)), 1).with_knocks(0.0, 0)
     x = np.abs(frame.motion(np.arange(0.0, 0.1, 1e-5))[0])
     peaks = np.flatnonzero((x[1:-1] > x[:-2]) & (x[1:-1] > x[2:]) & (x[1:-1] > 1e-10)) + 1
     late = peaks[peaks > 2500]

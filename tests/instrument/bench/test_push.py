@@ -6,7 +6,7 @@ import pytest
 from instrument.bench.effects import parse
 from instrument.bench.frame import frame_of
 from instrument.bench.mechanics import Bodies
-from instrument.bench.push import HOME_M, RELEASE_M, hand_motion, next_push_time_s, push_block, push_duration_s
+from instrument.bench.push import HOLD_M, RELEASE_M, held_block_motion, next_push_time_s, push_duration_s, simulate_push
 from instrument.bench.site import QUIET, site_named
 
 SPEED = 0.25
@@ -15,7 +15,7 @@ SPEED = 0.25
 @pytest.fixture(scope="module")
 def pushed():
     frame = frame_of(site_named("VC-A"), 4)
-    return push_block(2.0, -SPEED, parse("sensor_drift:ramp_m_per_s2=1e-3"), Bodies(), frame), frame
+    return simulate_push(2.0, -SPEED, parse("sensor_drift:ramp_m_per_s2=1e-3"), Bodies(), frame), frame
 
 
 def test_a_shot_is_pushed_released_caught_and_brought_back_at_its_times(pushed):
@@ -31,8 +31,8 @@ def test_the_block_starts_and_ends_at_rest_in_the_hand_and_flies_with_the_asked_
     shot, frame = pushed
     at = np.array([shot.start_s, shot.release_s - 1e-9, shot.end_s])
     x, v, block = shot.at(at)
-    assert block == pytest.approx([HOME_M, RELEASE_M, HOME_M], abs=1e-9)
-    assert x == pytest.approx([HOME_M, RELEASE_M, HOME_M], abs=1e-9)
+    assert block == pytest.approx([HOLD_M, RELEASE_M, HOLD_M], abs=1e-9)
+    assert x == pytest.approx([HOLD_M, RELEASE_M, HOLD_M], abs=1e-9)
     assert v == pytest.approx([0.0, -SPEED, 0.0], abs=1e-5)
     flight = shot.release_s + np.linspace(0.0, 0.9 * RELEASE_M / SPEED, 50)
     x, v, block = shot.at(flight)
@@ -68,11 +68,11 @@ def test_velocity_is_the_slope_of_the_optical_path_all_the_way(pushed):
 def test_hand_and_path_meet_where_a_push_begins():
     assert next_push_time_s(0.0) == 0.0 and next_push_time_s(1 / 9) == pytest.approx(1 / 9)
     assert next_push_time_s(0.1) == pytest.approx(1 / 9) and next_push_time_s(1 / 9 + 1e-3) == pytest.approx(2 / 9)
-    x, v = hand_motion(np.array([0.0, 1 / 18, 1 / 9, 1 / 36]))
-    assert x - HOME_M == pytest.approx([0.0, 3e-6, 0.0, 1.5e-6], abs=1e-15)
+    x, v = held_block_motion(np.array([0.0, 1 / 18, 1 / 9, 1 / 36]))
+    assert x - HOLD_M == pytest.approx([0.0, 3e-6, 0.0, 1.5e-6], abs=1e-15)
     assert v == pytest.approx([0.0, 0.0, 0.0, 1.5e-6 * 2 * np.pi * 9], abs=1e-15)
 
 
 def test_a_quiet_bench_returns_the_block_as_it_came():
-    shot = push_block(0.0, -SPEED, {}, Bodies(), frame_of(QUIET, 1))
+    shot = simulate_push(0.0, -SPEED, {}, Bodies(), frame_of(QUIET, 1))
     assert shot.optical_m == pytest.approx(shot.block_m, abs=1e-15)

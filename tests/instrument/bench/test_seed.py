@@ -15,8 +15,8 @@ import pytest
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.effects import ALL, PER_SHOT, complete, draw, effects_of_shot, force_slots, scaled
 from instrument.bench.frame import frame_of
+from instrument.bench.measured_path import measured_path, simulate_collision, with_cyclic_error
 from instrument.bench.mechanics import Bodies
-from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Optics
 from instrument.bench.rig import Bench, SimulatedStream
 from instrument.bench.simulated_shots import draw_undeclared, record_shot, simulate_shot, speeds_of_set
@@ -50,9 +50,9 @@ def _of_effects() -> Iterator[Numbers]:
         yield f"{name}, drawn", list(drawn[name].values()), 0.0
         yield f"{name}, three times as strong", list(scaled(drawn, 3.0)[name].values()), 0.0
         yield f"{name}, forces", [part for pair in sorted(force_slots(drawn).items()) for part in pair], 0.0
-        run = run_shot(-0.31, drawn, Bodies(), 2.4e-3, 0.042)
-        x, v = observed(run, drawn, TIME)
-        optics = with_leak(Optics(), drawn)
+        run = simulate_collision(-0.31, drawn, Bodies(), 2.4e-3, 0.042)
+        x, v = measured_path(run, drawn, TIME)
+        optics = with_cyclic_error(Optics(), drawn)
         yield f"{name}, path in um", [*(x * 1e6), optics.leak_m * 1e9, optics.leak_order, optics.leak_turns], 1e-6
         yield f"{name}, its velocity in mm/s", list(v * 1e3), 1e-4
         yield f"{name}, plate in um", list(run.plate_m(TIME) * 1e6), 1e-4
@@ -72,7 +72,7 @@ def _of_seeds() -> Iterator[Numbers]:
         x, v = path_vibration(3e-10, seed).motion(TIME)
         yield f"path of {seed} in pm and nm/s", [*(x * 1e12), *(v * 1e9)], 1e-4
     for name, site in (("VC-C", site_named("VC-C")), ("ISO-office", site_named("ISO-office")), ("shaken", SHAKEN)):
-        frame = frame_of(site, 3).knocked(0.002, 2)
+        frame = frame_of(site, 3).with_knocks(0.002, 2)
         sines = frame.sines
         sums = [sines.omega.size, *(float(part.sum()) for part in (sines.omega, sines.amplitude_m * 1e6, sines.phase))]
         yield f"{name}, sines", sums, 0.0

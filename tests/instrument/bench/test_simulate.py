@@ -17,8 +17,8 @@ from instrument.bench.effects import (
     parse,
     scaled,
 )
+from instrument.bench.measured_path import measured_path, simulate_collision, with_cyclic_error
 from instrument.bench.mechanics import Bodies
-from instrument.bench.observation import observed, run_shot, with_leak
 from instrument.bench.optics import Optics
 from instrument.bench.rig import Bench
 from instrument.bench.simulated_shots import (
@@ -40,7 +40,7 @@ TIME = np.arange(0.0, 0.06, 1e-5)
 
 def _run(text="", speed=SPEED, distance=3e-3):
     effects = parse(text) if text else {}
-    return run_shot(-speed, effects, Bodies(), distance, 0.0601), effects
+    return simulate_collision(-speed, effects, Bodies(), distance, 0.0601), effects
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +157,7 @@ def test_a_parameter_is_simulated_up_to_its_limits(name, key, good, bad):
 
 def test_a_second_mode_without_mass_is_none_and_several_effects_are_parted_by_semicolons():
     mode = complete({"second_plate_mode": {"mass_kg": 0.0}})
-    still, without = (run_shot(-SPEED, effects, Bodies(), 2e-3, 0.03) for effects in (mode, {}))
+    still, without = (simulate_collision(-SPEED, effects, Bodies(), 2e-3, 0.03) for effects in (mode, {}))
     assert still.plate_m(TIME[:2000]) == pytest.approx(without.plate_m(TIME[:2000]), abs=1e-9)
     assert force_slots(complete({"second_plate_mode": {"mass_kg": 1e-9}}))[slot.M_MODE] == 1e-9
     many = parse(" tilt : angle_rad = 1e-4 , ;; coulomb_friction;viscous_drag:")
@@ -178,8 +178,8 @@ def test_every_effect_moves_what_is_seen_and_vanishes_with_its_strength(name, ba
 
     def change(strength):
         now = scaled(effects, strength)
-        x, _ = observed(run_shot(-SPEED, now, Bodies(), 3e-3, 0.0601), now, TIME)
-        x = x + cyclic_m(with_leak(optics, now), x)
+        x, _ = measured_path(simulate_collision(-SPEED, now, Bodies(), 3e-3, 0.0601), now, TIME)
+        x = x + cyclic_m(with_cyclic_error(optics, now), x)
         return np.sqrt(np.mean((x - base.block_m(TIME)) ** 2))
 
     full, tenth = change(1.0), change(1e-2)
@@ -252,17 +252,17 @@ def test_adhesion_holds_the_block_back_and_is_paid_back_on_the_way_in():
 
 def test_what_only_the_optics_see_leaves_the_block_alone(base):
     drift = parse("sensor_drift:ramp_m_per_s2=1e-3")
-    x, v = observed(base, drift, TIME)
+    x, v = measured_path(base, drift, TIME)
     assert v - base.block_velocity_m_per_s(TIME) == pytest.approx(1e-3 * TIME, abs=1e-12)
     lag = parse("demodulation_lag:time_s=1e-5")
-    x, _ = observed(base, lag, TIME)
+    x, _ = measured_path(base, lag, TIME)
     flight = (TIME > 1e-3) & (base.touch_time_s > TIME)
     assert x[flight] - base.block_m(TIME[flight]) == pytest.approx(SPEED * 1e-5, rel=1e-6)  # it lags behind
     for begin in (np.zeros(1), np.array([0.0, 1e-6])):  # from the first moment on
-        x, v = observed(base, lag, begin)
+        x, v = measured_path(base, lag, begin)
         assert x - base.block_m(begin) == pytest.approx(SPEED * 1e-5, rel=1e-6) and v == pytest.approx(-SPEED, rel=1e-6)
     shake = parse("frame_vibration:amplitude_m_per_s=1e-4,frequency_hz=100,phase_rad=1.0")
-    x, v = observed(base, shake, TIME)
+    x, v = measured_path(base, shake, TIME)
     extra = v - base.block_velocity_m_per_s(TIME)
     assert extra == pytest.approx(1e-4 * np.sin(2 * np.pi * 100 * TIME + 1.0), abs=1e-12)
     assert np.gradient(x - base.block_m(TIME), 1e-5)[1:-1] == pytest.approx(extra[1:-1], abs=1e-8)
@@ -270,7 +270,7 @@ def test_what_only_the_optics_see_leaves_the_block_alone(base):
 
 @pytest.mark.parametrize("order", [1, 2])
 def test_cyclic_error_repeats_with_the_way(order):
-    optics = with_leak(Optics(), parse(f"cyclic_error:amplitude_m=2e-9,order={order}"))
+    optics = with_cyclic_error(Optics(), parse(f"cyclic_error:amplitude_m=2e-9,order={order}"))
     x = np.linspace(0.0, 2 * optics.wavelength_m, 4001)
     error = cyclic_m(optics, x)
     assert np.abs(error).max() == pytest.approx(2e-9, rel=1e-2)

@@ -98,7 +98,7 @@ def test_a_quiet_frame_changes_nothing():
 
 def test_a_knock_begins_gently_rings_and_dies():
     site = Site(knocks=(Knock(50e-9, frequency_hz=80.0, decay_s=0.02, at_s=0.01),))
-    frame = frame_of(site, 1).knocked(0.0, 0)
+    frame = frame_of(site, 1).with_knocks(0.0, 0)
     x, v = frame.motion(np.arange(0, 0.3, 1e-5))
     assert not x[:1000].any() and np.abs(x).max() == pytest.approx(50e-9, rel=0.01)
     assert np.abs(x[15_000:]).max() < 1e-10
@@ -109,7 +109,7 @@ def test_a_knock_begins_gently_rings_and_dies():
     begun = round(0.012 / spacing)  # a difference over the kink at the beginning is no slope
     assert np.gradient(a, spacing)[begun:900] == pytest.approx(jerk[begun:900], abs=1e-2 * np.abs(jerk).max())
     never = Site(knocks=(Knock(50e-9, share=0.0),))
-    assert not frame_of(never, 1).knocked(0.0, 0).ringing
+    assert not frame_of(never, 1).with_knocks(0.0, 0).ringing
 
 
 def test_the_stream_is_one_whatever_the_stretch_asked_for_and_runs_smoothly_through_the_hand():

@@ -253,7 +253,7 @@ def test_missing_firmware_is_one_line_with_a_remedy(monkeypatch: pytest.MonkeyPa
 def test_it_says_when_it_did_not_come_back() -> None:
     now = [0.0]
     with pytest.raises(DigitizerError, match="did not come back within 3 s"):
-        hantek6022_firmware.wait_for_warm(
+        hantek6022_firmware.wait_for_firmware(
             ScriptedUsb([]), clock=lambda: now[0], sleep=lambda s: now.__setitem__(0, now[0] + s)
         )
     assert 3.0 <= now[0] < 3.2

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from instrument.devices.beat_seams import BeatSeams
 from instrument.devices.bulk_stream import Chunk
+from instrument.devices.packet_losses import PacketLossFinder
 from instrument.devices.streamed_codes import ByteClock, StreamedCodes
 
 RATE_HZ = 10e6
@@ -70,7 +70,7 @@ def test_what_is_whole_is_not_called_lost(kind: str) -> None:
     elif kind == "disturbed":  # a spark into single packets
         for packet in rng.choice(np.arange(100, 3900, 10), 20, replace=False):
             codes[packet * 256 + 40 : packet * 256 + 140] = rng.integers(0, 256, 100)
-    seams = BeatSeams(256)
+    seams = PacketLossFinder(256)
     found = [seam for piece in np.split(codes, 40) for seam in seams.find(piece)]
     assert found == []
 

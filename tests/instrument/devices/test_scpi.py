@@ -417,7 +417,7 @@ def test_an_instrument_that_says_stopped_soon_after_arming_speaks_of_the_shot_be
 
 def test_the_makers_guides_say_how_much_is_read_at_once_and_what_memories_there_are() -> None:
     assert {
-        one.name: (one.bits, one.bytes_per_sample, one.points_a_read, one.depths, one.divisions, one.max_samples)
+        one.name: (one.bits, one.bytes_per_sample, one.points_per_read, one.depths, one.divisions, one.max_samples)
         for one in DIALECTS
     } == {
         "Siglent SDS1000X-E": (8, 1, 500_000, (7_000, 70_000, 700_000, 7_000_000), 14, 7_000_000),
@@ -441,10 +441,10 @@ def test_of_a_transfer_that_stalls_the_rows_are_kept_that_every_channel_has(
     maker: str, stalls_at: int | None, received: int, rows: list[int]
 ) -> None:
     scope = ScpiOscilloscope(Link(maker))  # type: ignore[arg-type]
-    whole = scope._dialect.points_a_read is None
+    whole = scope._dialect.points_per_read is None
     scope._dialect = replace(
         scope._dialect,
-        points_a_read=None if whole else 20,
+        points_per_read=None if whole else 20,
         timing=lambda query, n: Timing(1e6, 100, 40),
         scaling=lambda query, n: Scaling(0.5 * n, 0.25),
     )

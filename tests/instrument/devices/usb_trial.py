@@ -26,7 +26,7 @@ ROLES = (Role.SWITCH, Role.MEASUREMENT)
 
 def without_clock() -> None:
     """Let the byte clock tell nothing: on a busy computer the emulator lags as no device does."""
-    streamed_codes.SOON_STEP_S = streamed_codes.LASTING_STEP_S = 1e9
+    streamed_codes.SHORT_STEP_S = streamed_codes.LONG_STEP_S = 1e9
 
 
 def read(scope: Digitizer, seconds: float, gap_after: int | None = None) -> dict:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from instrument.devices.beat_seams import BeatSeams, _steps
+from instrument.devices.packet_losses import PacketLossFinder, _steps
 
 LIMIT = 0.2
 
@@ -56,7 +56,7 @@ def test_a_lost_packet_is_found_whatever_the_beat_and_the_offset(cycles: float, 
     whole = _beat(256 * 400, cycles, offset).reshape(-1, 256)
     kept = np.delete(whole, [150, 200, 201, 290], axis=0).reshape(-1)
     for pieces in (1, 3):
-        seams, found, at = BeatSeams(256), [], 0
+        seams, found, at = PacketLossFinder(256), [], 0
         for piece in np.split(kept, np.arange(1, pieces) * 256 * (396 // pieces)):
             found += [at + seam for seam in seams.find(piece)]
             at += piece.size // 256
@@ -67,13 +67,13 @@ def test_a_loss_in_the_last_packets_is_told_by_the_next_call_with_a_negative_pla
     whole = _beat(256 * 300, 30.3).reshape(-1, 256)
     kept = np.delete(whole, 149, axis=0)
     for begins, place in ((150, -1), (151, -2), (149, 0)):
-        seams = BeatSeams(256)
+        seams = PacketLossFinder(256)
         assert seams.find(kept[:begins].reshape(-1)) == []
         assert seams.find(kept[begins:].reshape(-1)) == [place]
 
 
 def test_after_it_forgot_the_next_packets_need_not_continue_the_last_ones() -> None:
-    seams = BeatSeams(256)
+    seams = PacketLossFinder(256)
     assert seams.find(_beat(256 * 100, 30.3, seed=1)) == []
     seams.forget()
     assert seams.find(_beat(256 * 100, 30.3, seed=2)) == []
@@ -81,7 +81,7 @@ def test_after_it_forgot_the_next_packets_need_not_continue_the_last_ones() -> N
 
 
 def test_a_beat_that_changes_its_frequency_is_found_again() -> None:
-    seams = BeatSeams(256)
+    seams = PacketLossFinder(256)
     assert seams.find(_beat(256 * 200, 30.3)) == []
     seams.find(_beat(256 * 200, 44.9))  # nothing of it is in the old beat
     lost = np.delete(_beat(256 * 300, 44.9).reshape(-1, 256), 150, axis=0).reshape(-1)
@@ -90,7 +90,7 @@ def test_a_beat_that_changes_its_frequency_is_found_again() -> None:
 
 
 def test_the_beat_is_learned_over_several_calls_and_less_than_a_packet_tells_nothing() -> None:
-    seams = BeatSeams(256)
+    seams = PacketLossFinder(256)
     whole = np.delete(_beat(256 * 300, 30.3).reshape(-1, 256), 200, axis=0)
     assert seams.find(whole[0, :200]) == []
     found, at = [], 0
@@ -111,30 +111,30 @@ def _stepped(step_rad: float, noise: float = 20.0, packets: int = 400, at: int =
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(("step_rad", "found"), [(0.115, []), (0.125, [200]), (3.0, [200])])
 def test_a_steady_beat_tells_steps_from_0_12_rad_on(step_rad: float, found: list[int], sign: float) -> None:
-    assert BeatSeams(256).find(_stepped(sign * step_rad)) == found
+    assert PacketLossFinder(256).find(_stepped(sign * step_rad)) == found
 
 
 @pytest.mark.parametrize(("step_rad", "found"), [(0.24, []), (0.36, [200])])
 def test_a_noisy_beat_tells_steps_from_ten_times_its_noise_on(step_rad: float, found: list[int]) -> None:
     noise = 0.03 / np.sqrt(6) / np.sqrt(2 / 256) * 10_000  # of second differences of a packet's phase: 0.03 rad
-    seams = BeatSeams(256)
+    seams = PacketLossFinder(256)
     assert seams.find(_stepped(step_rad, noise)) == found
     assert seams._sigma == pytest.approx(0.03, rel=0.1)
 
 
 def test_noise_alone_is_no_beat_and_a_dark_packet_decides_nothing() -> None:
     noise = np.random.default_rng(1).normal(0.0, 100.0, 256 * 200).astype(np.int16)
-    seams = BeatSeams(256)
+    seams = PacketLossFinder(256)
     assert seams.find(noise) == [] and seams._table is None
     dark = _stepped(1.0)
     dark[256 * 199 : 256 * 200] = noise[:256]  # the packet before the step
-    assert BeatSeams(256).find(dark) == []
+    assert PacketLossFinder(256).find(dark) == []
     for share, judged in ((0.35, True), (0.15, False)):  # of a packet's power in the beat
         mixed = _stepped(1.0).astype(float)
         packet = slice(256 * 199, 256 * 200)
         mixed[packet] += np.random.default_rng(2).normal(0.0, 10_000 * np.sqrt(0.5 * (1 / share - 1)), 256)
         mixed = np.clip(np.round(mixed), -32768, 32767).astype(np.int16)
-        assert (len(BeatSeams(256).find(mixed)) > 0) == judged
+        assert (len(PacketLossFinder(256).find(mixed)) > 0) == judged
 
 
 def _strongest_over_median(counts: np.ndarray) -> float:
@@ -148,14 +148,14 @@ def test_a_line_twenty_times_above_the_median_of_the_spectrum_is_a_beat(amplitud
     noise = np.random.default_rng(3).normal(0.0, 100.0, n.size)
     counts = np.round(amplitude * np.cos(2 * np.pi * 0.1234 * n) + noise).astype(np.int16)
     assert (_strongest_over_median(counts) > 20) == beat
-    seams = BeatSeams(256)
+    seams = PacketLossFinder(256)
     assert seams._lock(counts) == beat and (seams._table is not None) == beat
 
 
 @pytest.mark.parametrize(("dark", "known"), [(45, True), (55, False)])
 def test_a_beat_that_most_packets_lack_is_looked_for_anew(dark: int, known: bool) -> None:
     whole = _stepped(0.0, packets=64 + 100).reshape(-1, 256)
-    seams = BeatSeams(256)
+    seams = PacketLossFinder(256)
     assert seams.find(whole[:64].reshape(-1)) == []
     seams.forget()
     spoilt = whole[64:].copy()
@@ -167,7 +167,7 @@ def test_a_beat_that_most_packets_lack_is_looked_for_anew(dark: int, known: bool
 def test_the_steps_size_is_learned_from_sixteen_packets() -> None:
     whole = _stepped(1.0, packets=64 + 40, at=64 + 30)
     for first, learned in ((64, True), (17, False)):
-        seams = BeatSeams(256)
+        seams = PacketLossFinder(256)
         seams._lock(whole)
         assert seams.find(whole[: 256 * first]) == []
         assert (seams._sigma > 0.0) == learned

@@ -12,14 +12,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from instrument.files.atomic_file import write_json_atomic, write_toml_atomic
-from instrument.files.checked import Checked
+from instrument.files.checked_table import CheckedTable
 from instrument.files.recording_error import RecordingError
 
 PATH = Path("a.toml")
 
 
-def _of(**values: object) -> Checked:
-    return Checked(PATH, values, "rig")
+def _of(**values: object) -> CheckedTable:
+    return CheckedTable(PATH, values, "rig")
 
 
 def _refused(line: str) -> Any:
@@ -58,7 +58,7 @@ def test_what_is_missing_has_its_default_or_is_refused_where_it_is_required() ->
         with _refused(": missing"):
             ask()
     with pytest.raises(RecordingError, match=r"^a\.toml: k: missing$"):
-        Checked(PATH, {}).required("k", 0, 1)
+        CheckedTable(PATH, {}).required("k", 0, 1)
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_texts_objects_and_lists_are_what_they_should_be_and_their_place_is_told
     for value, kind, what in ((["a", 1], str, "names"), ([1, True], int, "numbers"), ("ab", str, "names")):
         with _refused(f": not a list of {what}"):
             _of(k=value).names("k", kind)
-    top = Checked(PATH, {"k": [{}]})
+    top = CheckedTable(PATH, {"k": [{}]})
     assert [one.place for one in top.objects("k") or []] == ["k[0]"]
 
 
@@ -129,10 +129,10 @@ class Whole:
 def test_a_dataclass_is_built_of_what_is_given_and_its_defaults() -> None:
     given = {"real": 2, "number": 4.0, "word": "w", "flag": True, "colour": "blue", "maybe": 1e15, "names": ["a"]}
     table = _of(**given, numbers=[7, 8], inner={"size": 1}, other=5)
-    built = table.built(Whole, {"own": lambda of: f"{of.place}!"})
+    built = table.read_dataclass(Whole, {"own": lambda of: f"{of.place}!"})
     assert built == Whole(2.0, 4, "w", True, Colour.BLUE, 1e15, ("a",), (7, 8), Inner(1.0), "rig!")
     assert table.unread() == {"other": 5}
-    assert _of(real=1.5).built(Whole) == Whole(1.5)
+    assert _of(real=1.5).read_dataclass(Whole) == Whole(1.5)
     for values, line in (
         ({}, r"real: missing"),
         ({"real": 1.1e15}, r"real: 1100000000000000.0 is not from -1e\+15 to 1e\+15"),
@@ -144,7 +144,7 @@ def test_a_dataclass_is_built_of_what_is_given_and_its_defaults() -> None:
         ({"real": 1, "numbers": ["a"]}, r"numbers: not a list of numbers"),
     ):
         with pytest.raises(RecordingError, match=rf"^a\.toml: rig\.{line}$"):
-            _of(**values).built(Whole)
+            _of(**values).read_dataclass(Whole)
 
 
 KEYS = st.text("aZ_-09 .é\"'\\\n", max_size=6)

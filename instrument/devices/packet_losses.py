@@ -16,7 +16,7 @@ _SIGMAS = 10.0
 _COHERENT = 0.25  # least share of a packet's power in the beat for its phase to be tested
 
 
-class BeatSeams:
+class PacketLossFinder:
     """Finds the packets before which samples were lost, from the counts of one channel that carries a steady beat.
 
     The first 16,384 samples serve only to find the beat's frequency; a loss among them is not detected.

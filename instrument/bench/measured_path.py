@@ -20,7 +20,7 @@ _LAG_GRID_S = 1e-6
 _NONE: Mapping[str, float] = {}
 
 
-def run_shot(
+def simulate_collision(
     velocity_m_per_s: float,
     effects: Effects,
     bodies: Bodies,
@@ -37,15 +37,15 @@ def run_shot(
         distance_m=distance_m,
         duration_s=duration_s,
         plate_at_touch=(motion.get("displacement_m", 0.0), motion.get("velocity_m_per_s", 0.0)),
-        frame=plate_support(frame, effects),
+        frame=clamp_motion(frame, effects),
     )
 
 
-def observed(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[Floats, Floats]:
+def measured_path(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[Floats, Floats]:
     """Return the displacement (m) and velocity (m/s) that the optics measure at ascending ``time_s``.
 
     Sensor drift b adds b t^2 / 2.  Frame vibration adds the velocity A sin(omega t + phi).  With a demodulation lag tau
-    the measured x_m follows tau dx_m/dt = x - x_m.  The cyclic error is part of the light, see ``with_leak``.
+    the measured x_m follows tau dx_m/dt = x - x_m.  The cyclic error is part of the light, see ``with_cyclic_error``.
     """
     tau = effects.get("demodulation_lag", _NONE).get("time_s", 0.0)
     if tau > 0.0:
@@ -70,7 +70,7 @@ def observed(trajectory: Trajectory, effects: Effects, time_s: Floats) -> tuple[
     return x, v
 
 
-def plate_support(frame: Frame | None, effects: Effects) -> Frame | None:
+def clamp_motion(frame: Frame | None, effects: Effects) -> Frame | None:
     """Return the motion of the plate's clamp: the frame's, plus its share of a vibration that also moves the plate.
 
     The equations of motion are in the clamp's coordinates.
@@ -85,7 +85,7 @@ def plate_support(frame: Frame | None, effects: Effects) -> Frame | None:
     return Frame(QUIET, 0, line) if frame is None else replace(frame, sines=frame.sines.plus(line))
 
 
-def with_leak(optics: Optics, effects: Effects) -> Optics:
+def with_cyclic_error(optics: Optics, effects: Effects) -> Optics:
     """Return the optics with the light leak that causes the cyclic error."""
     cyclic = effects.get("cyclic_error", _NONE)
     if not cyclic:

@@ -15,7 +15,7 @@ Built = TypeVar("Built")
 _LARGEST = 1e15  # bound of a number in a dataclass field without declared bounds
 
 
-class Checked:
+class CheckedTable:
     """One JSON object or TOML table with its place in the file.  Every method may raise RecordingError."""
 
     __slots__ = ("path", "place", "used", "values")
@@ -26,7 +26,7 @@ class Checked:
         self.place = place
         self.used: set[str] = set()
 
-    def refuse(self, key: str, cause: str) -> RecordingError:
+    def error_for(self, key: str, cause: str) -> RecordingError:
         """Return, without raising, the error that ``cause`` makes ``key`` of this object invalid."""
         return RecordingError(self.path, cause, f"{self.place}.{key}" if self.place else key)
 
@@ -45,20 +45,20 @@ class Checked:
         if value is None:
             return None
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.refuse(key, f"{shown(value)} is not a number")
+            raise self.error_for(key, f"{shown(value)} is not a number")
         try:
             real = float(value)
         except OverflowError:
             real = math.inf
         if not math.isfinite(real) or not low <= real <= high:
-            raise self.refuse(key, f"{shown(value)} is not from {low:g} to {high:g}")
+            raise self.error_for(key, f"{shown(value)} is not from {low:g} to {high:g}")
         return real
 
     def required(self, key: str, low: float, high: float) -> float:
         """Return a finite number in [low, high]; a missing key is an error."""
         value = self.number(key, low, high)
         if value is None:
-            raise self.refuse(key, "missing")
+            raise self.error_for(key, "missing")
         return value
 
     def whole(self, key: str, low: int, high: int) -> int | None:
@@ -69,9 +69,9 @@ class Checked:
         if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
             value = int(value)
         if isinstance(value, bool) or not isinstance(value, int):
-            raise self.refuse(key, f"{shown(value)} is not a whole number")
+            raise self.error_for(key, f"{shown(value)} is not a whole number")
         if not low <= value <= high:
-            raise self.refuse(key, f"{shown(value)} is not from {low} to {high}")
+            raise self.error_for(key, f"{shown(value)} is not from {low} to {high}")
         return value
 
     def text(self, key: str, longest: int = 10_000) -> str | None:
@@ -80,40 +80,40 @@ class Checked:
         if value is None:
             return None
         if not isinstance(value, str):
-            raise self.refuse(key, f"{shown(value)} is not text")
+            raise self.error_for(key, f"{shown(value)} is not text")
         if len(value) > longest:
-            raise self.refuse(key, f"longer than {longest} characters")
+            raise self.error_for(key, f"longer than {longest} characters")
         return value
 
-    def object(self, key: str) -> "Checked | None":
+    def object(self, key: str) -> "CheckedTable | None":
         """Return the object under ``key``, None if it is missing."""
         value = self.get(key)
         if value is None:
             return None
         if not isinstance(value, dict):
-            raise self.refuse(key, f"{shown(value)} is not an object")
-        return Checked(self.path, value, f"{self.place}.{key}" if self.place else key)
+            raise self.error_for(key, f"{shown(value)} is not an object")
+        return CheckedTable(self.path, value, f"{self.place}.{key}" if self.place else key)
 
-    def required_object(self, key: str) -> "Checked":
+    def required_object(self, key: str) -> "CheckedTable":
         """Return the object under ``key``; a missing one is an error."""
         found = self.object(key)
         if found is None:
-            raise self.refuse(key, "missing")
+            raise self.error_for(key, "missing")
         return found
 
-    def objects(self, key: str) -> "list[Checked] | None":
+    def objects(self, key: str) -> "list[CheckedTable] | None":
         """Return the list of objects under ``key``, None if it is missing."""
         value = self.get(key)
         if value is None:
             return None
         if not isinstance(value, list):
-            raise self.refuse(key, f"{shown(value)} is not a list")
+            raise self.error_for(key, f"{shown(value)} is not a list")
         place = f"{self.place}.{key}" if self.place else key
         checked = []
         for index, item in enumerate(value):
             if not isinstance(item, dict):
-                raise self.refuse(f"{key}[{index}]", f"{shown(item)} is not an object")
-            checked.append(Checked(self.path, item, f"{place}[{index}]"))
+                raise self.error_for(f"{key}[{index}]", f"{shown(item)} is not an object")
+            checked.append(CheckedTable(self.path, item, f"{place}[{index}]"))
         return checked
 
     def names(self, key: str, kind: type = str) -> tuple[Any, ...]:
@@ -122,10 +122,12 @@ class Checked:
         if values is None:
             return ()
         if not isinstance(values, list) or not all(type(value) is kind for value in values):
-            raise self.refuse(key, f"not a list of {'names' if kind is str else 'numbers'}")
+            raise self.error_for(key, f"not a list of {'names' if kind is str else 'numbers'}")
         return tuple(values)
 
-    def built(self, kind: type[Built], own: Mapping[str, Callable[["Checked"], Any]] | None = None) -> Built:
+    def read_dataclass(
+        self, kind: type[Built], own: Mapping[str, Callable[["CheckedTable"], Any]] | None = None
+    ) -> Built:
         """Return a dataclass with the values of this object, each checked against its field's type and declaration.
 
         A missing key keeps the field's default; without a default it is an error.  ``own`` maps field names to
@@ -143,10 +145,10 @@ class Checked:
                     if setting is not None:
                         setting.check(values[name])
                 except ValueError as error:
-                    raise self.refuse(name, str(error)) from None
+                    raise self.error_for(name, str(error)) from None
             elif field.default is MISSING and field.default_factory is MISSING:
                 if type(None) not in get_args(types[name]):
-                    raise self.refuse(name, "missing")
+                    raise self.error_for(name, "missing")
                 values[name] = None
         return kind(**values)
 
@@ -158,7 +160,7 @@ class Checked:
             return self.names(name, get_args(kind)[0])
         if kind is bool:
             if not isinstance(self.values[name], bool):
-                raise self.refuse(name, f"{shown(self.values[name])} is neither true nor false")
+                raise self.error_for(name, f"{shown(self.values[name])} is neither true nor false")
             return self.values[name]
         if kind is float:
             return self.number(name, -_LARGEST, _LARGEST)
@@ -168,7 +170,9 @@ class Checked:
             try:
                 return kind(self.values[name])
             except ValueError:
-                raise self.refuse(name, f"{shown(self.values[name])} is none of {', '.join(map(str, kind))}") from None
+                raise self.error_for(
+                    name, f"{shown(self.values[name])} is none of {', '.join(map(str, kind))}"
+                ) from None
         if kind is str:
             return self.text(name)
-        return self.required_object(name).built(kind)
+        return self.required_object(name).read_dataclass(kind)

@@ -131,7 +131,7 @@ def _layout(path: Path) -> _Layout:
                     best = max(best or (0, "", 0), (len(cells), delimiter, index), key=lambda found: found[0])
                     break
     if best is None:
-        raise RecordingError(path, f"no row of numbers in its first {len(lines)} lines")
+        raise RecordingError(path, f"no row of numbers in its first {len(lines)} lines" if lines else "file is empty")
     width, delimiter, first = best
     comma = delimiter != "," and any("," in line for line in lines[first:])  # any row, as the first may be all zeros
     above = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) == width]

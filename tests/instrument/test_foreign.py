@@ -308,7 +308,7 @@ def test_tables_of_many_kinds(tmp_path: Path) -> None:
         ("time,a\n0,1\n1,2\n5,3\n6,1\n", "time steps"), ("time,a\n0,1\n0,2\n0,1\n", "does not rise"),
         ("time,a\n0,1\n1,x\n", "counted from line 2"),
         ("time,a\n0,1\n1,2\n2\n", "counted from line 2"), ("a,b\n", "no row of numbers"),
-        ("", "no row"), ("a,b\n1,2\n", "at least 2"),
+        ("", "file is empty"), ("a,b\n1,2\n", "at least 2"),
         ("time,a\n0,1\n1,nan\n2,3\n", "not a finite number"), ("\x00\x01", "not a text table"),
     ],
 )  # fmt: skip

@@ -62,7 +62,7 @@ def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monke
     monkeypatch.setattr(sys.modules["analysis.diagnosis.diagnosis_input"], "trial_effects", lambda _laws=(): ())
     motions = shots(OWN)
     found = diagnose(motions[:3], model="contact")
-    assert "its own flight acceleration" in found.sentence
+    assert "Fitted per shot: flight acceleration" in found.sentence
     assert found.effects == ()
     assert found.fit_before.effects == found.fit_after.effects == (named("flight_acceleration"),)
     model = from_text(to_text(saved(found.fit_after, ["1", "2", "3"], found)))

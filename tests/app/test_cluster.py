@@ -78,7 +78,7 @@ def test_no_worker_wrong_folder_a_worker_killed_the_scheduler_killed(
     kill(cluster.scheduler)
     assert call.ended() == 1
     said = capsys.readouterr().err
-    assert said.count("\n") == 1 and "the same command goes on" in said
+    assert said.count("\n") == 1 and "repeat the command to continue" in said
     done = in_journal(place / "again")
     assert 1 <= done < SHOTS
     assert main([*command, "--jobs", "1"]) == 0

@@ -65,7 +65,7 @@ def test_a_network_that_breaks_is_said_in_one_line(
     line.cut()
     assert call.ended() == 1
     said = capfd.readouterr().err
-    assert said.count("\n") == 1 and "the scheduler is gone" in said and "the same command goes on" in said, said
+    assert said.count("\n") == 1 and "the scheduler is gone" in said and "repeat the command to continue" in said, said
     _assert_gone_on(shots, out, capfd, in_journal(out))
 
 
@@ -127,7 +127,7 @@ def test_a_scheduler_that_stops_answering_is_said_in_one_line(
     cluster.scheduler.send_signal(signal.SIGSTOP)
     assert call.ended() == 1
     said = capfd.readouterr().err
-    assert said.count("\n") == 1 and "does not answer any more" in said, said
+    assert said.count("\n") == 1 and "no longer answers" in said, said
     _assert_gone_on(shots, out, capfd, in_journal(out))
 
 

@@ -55,7 +55,7 @@ def test_two_strong_effects_are_both_named() -> None:
 def test_what_is_off_the_catalogue_is_explained_in_part_and_the_rest_described() -> None:
     found = diagnose(shots({"magnet": {"force_n": -3e-3, "range_m": 7e-4}}, count=2))
     assert found.verdict is Verdict.PARTLY_EXPLAINED
-    assert "mostly like" in found.sentence
+    assert "mostly resembles" in found.sentence
     assert "rms in displacement" in in_words(found).remainder
     assert found.error_held_out_after is not None and found.error_held_out_before is not None
     assert found.error_held_out_after.displacement_rms_m < found.error_held_out_before.displacement_rms_m

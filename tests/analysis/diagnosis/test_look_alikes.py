@@ -256,18 +256,13 @@ def test_a_look_alike_takes_the_place_where_it_is_likelier_and_predicts(
     ("alone", "wander", "bic", "taken"),
     [(True, (), 119.9, True), (True, (), 120.1, False), (True, "some", 119.9, False), (False, (), 119.9, False)],
 )
-def test_a_fit_whose_noise_wanders_in_the_contact_alone_is_searched_again_under_the_noise_of_the_best(
+def test_a_fit_whose_noise_wanders_only_in_contact_is_repeated_from_white_noise(
     alone: bool, wander: Any, bic: float, taken: bool
 ) -> None:
     again = SimpleNamespace(bic=bic)
     best: Any = SimpleNamespace(noise=SimpleNamespace(wander=wander))
-
-    def with_noise(noise: Any) -> Any:
-        assert noise is best.noise
-        return SimpleNamespace(fit=lambda z, *, evaluations, cancelled: again)
-
     one: Any = SimpleNamespace(
-        wanders_only_in_contact=alone, bic=120.0, z="z", problem=SimpleNamespace(with_noise=with_noise)
+        wanders_only_in_contact=alone, bic=120.0, from_white=lambda *, evaluations, cancelled: again
     )
     assert module._without_wander(best, one, lambda: False) is (again if taken else one)
 

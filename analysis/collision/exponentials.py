@@ -1,7 +1,7 @@
 """Matrix exponentials of a linear mode, their application to a state, and means over a block of steps (kernels)."""
 
 from analysis.collision.matrices import TERMS
-from analysis.compiled import add_product, add_products, four_of, inlined, no_sum, part, put_four
+from analysis.compiled import add_product, add_products, four_of, four_zeros, inlined, part, put_four
 
 _MOST_TERMS = 60
 
@@ -31,7 +31,7 @@ def exponential(form, room, rows, h):  # type: ignore[no-untyped-def]
         for i in range(n if wide else 0):
             for j in range(n):
                 for k in range(0, wide, 4):
-                    put_four(no_sum(), d_new[i, j], k)
+                    put_four(four_zeros(), d_new[i, j], k)
             for c in range(n):
                 if a[i, c] != 0.0:
                     _add_to_rows(a[i, c], d_term[c], d_new[i])
@@ -43,7 +43,7 @@ def exponential(form, room, rows, h):  # type: ignore[no-untyped-def]
         for i in range(n if wide else 0):
             for j in range(n):
                 for k in range(0, wide, 4):
-                    moved = add_product(no_sum(), scale, four_of(d_new[i, j], k))
+                    moved = add_product(four_zeros(), scale, four_of(d_new[i, j], k))
                     put_four(moved, d_term[i, j], k)
                     put_four(add_product(four_of(d[i, j], k), 1.0, moved), d[i, j], k)
         still = True
@@ -87,7 +87,7 @@ def step(z, e, d, out):  # type: ignore[no-untyped-def]
     n = e.shape[0]
     for i in range(n - 1):
         for k in range(0, z.shape[1], 4):
-            total = no_sum()
+            total = four_zeros()
             for c in range(n):
                 total = add_products(total, e[i, c], four_of(z[c], k), z[c, 0], four_of(d[i, c], k))
             put_four(total, out[i], k)
@@ -120,7 +120,7 @@ def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
                         total += e[i, c] * e_all[c, j]
                     e_work[i, j] = total
                     for k in range(0, d.shape[2] if rows > 1 else 0, 4):
-                        moved = no_sum()
+                        moved = four_zeros()
                         for c in range(n):
                             moved = add_products(
                                 moved, e[i, c], four_of(d_all[c, j], k), e_all[c, j], four_of(d[i, c], k)
@@ -154,7 +154,7 @@ def show_mean(z, rows, form, states, d_x, means):  # type: ignore[no-untyped-def
         return
     mean, d_mean = form.mean[0], form.d_mean
     for k in range(0, z.shape[1], 4):
-        total = no_sum()
+        total = four_zeros()
         for c in range(z.shape[0]):
             total = add_products(total, mean[c], four_of(z[c], k), z[c, 0], four_of(d_mean[c], k))
         put_four(total, means, k)
@@ -176,7 +176,7 @@ def series(z, rows, form, h, out, room):  # type: ignore[no-untyped-def]
             if rows == 1:
                 new[i, 0] = along(a, i, term)
             for k in range(0, new.shape[1] if rows > 1 else 0, 4):
-                total = no_sum()
+                total = four_zeros()
                 for c in range(n):
                     total = add_product(total, a[i, c], four_of(term[c], k))
                     total = add_product(total, term[c, 0], four_of(by[i, c], k))

@@ -1,4 +1,4 @@
-from .four import add_product, add_products, four_of, no_sum, put_four
+from .four import add_product, add_products, four_of, four_zeros, put_four
 from .kernel_cache import cache_folder, use_kernel_cache, whole_program
 from .kernel_parts import by_address, cut, cut_integers, inlined, kernel, part
 from .two_threads import side_by_side, solve_triangle
@@ -11,9 +11,9 @@ __all__ = [
     "cut",
     "cut_integers",
     "four_of",
+    "four_zeros",
     "inlined",
     "kernel",
-    "no_sum",
     "part",
     "put_four",
     "side_by_side",

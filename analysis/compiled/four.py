@@ -42,7 +42,7 @@ def _spread(builder: Any, number: Any) -> Any:
     return builder.shuffle_vector(one, one, mask)
 
 
-def _no_sum(_context: Any) -> Any:
+def _four_zeros(_context: Any) -> Any:
     def generate(_context: Any, _builder: Any, _signature: Any, _arguments: Any) -> Any:
         return ir.Constant(_VECTOR, [0.0] * _LANES)
 
@@ -82,7 +82,7 @@ def _add_products(_context: Any, total: Any, by: Any, four: Any, also_by: Any, o
     return _FOUR(_FOUR, types.float64, _FOUR, types.float64, _FOUR), generate
 
 
-no_sum: Any = intrinsic(_no_sum)
+four_zeros: Any = intrinsic(_four_zeros)
 four_of: Any = intrinsic(_four_of)
 put_four: Any = intrinsic(_put_four)
 add_product: Any = intrinsic(_add_product)

@@ -80,7 +80,7 @@ IN_PYTHON: dict[str, Callable[..., Any]] = {
     "cut": cut,
     "cut_integers": cut_integers,
     "by_address": lambda bundle: bundle,
-    "no_sum": lambda: np.zeros(4),
+    "four_zeros": lambda: np.zeros(4),
     "four_of": lambda row, at: row[at : at + 4].copy(),
     "put_four": put_four,
     "add_product": lambda total, by, four: total + by * four,

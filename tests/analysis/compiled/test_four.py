@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from analysis.compiled import add_product, add_products, four_of, kernel, no_sum, put_four
+from analysis.compiled import add_product, add_products, four_of, four_zeros, kernel, put_four
 
 
 @kernel
 def _at_once(weights, rows, also, others, out):  # type: ignore[no-untyped-def]
     for k in range(0, out.size, 4):
-        total = no_sum()
+        total = four_zeros()
         for j in range(weights.size):
             total = add_products(total, weights[j], four_of(rows[j], k), also[j], four_of(others[j], k))
         for j in range(weights.size):

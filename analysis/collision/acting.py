@@ -80,9 +80,11 @@ def function_of(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:
 class FastestRates:
     """The fastest rates in rad/s: of the bodies in ``contact``, of the ``plate`` alone, and of the effects.
 
-    ``every`` is the fastest of all effects, ``inside`` that of effects on the block, which continue after the release.
+    ``bodies`` is that in contact without effects, ``every`` the fastest of all effects, and ``inside`` that of effects
+    on the block, which continue after the release.
     """
 
+    bodies: float
     contact: float
     plate: float
     every: float
@@ -102,10 +104,11 @@ def fastest_rates(collision: Collision, effects: Sequence[Active]) -> FastestRat
     factor = math.prod(row.stiffens(v, c) for row, v in zip(rows, values, strict=True))
     inverse = 1 / c.block_mass_kg + 1 / c.plate_mass_kg
     plate = c.plate_stiffness_n_per_m / c.plate_mass_kg
-    oscillation = math.sqrt(factor * c.contact_stiffness_n_per_m * inverse + plate)
+    spring, decay = c.contact_stiffness_n_per_m * inverse, c.contact_damping_n_s_per_m * inverse
     each = [(row.fastest(v, c), row.acts is Acts.ON_BLOCK) for row, v in zip(rows, values, strict=True)]
     return FastestRates(
-        contact=max(oscillation, c.contact_damping_n_s_per_m * inverse),
+        bodies=max(math.sqrt(spring + plate), decay),
+        contact=max(math.sqrt(factor * spring + plate), decay),
         plate=math.sqrt(plate),
         every=max((rate for rate, _ in each), default=0.0),
         inside=max((rate for rate, block in each if block), default=0.0),

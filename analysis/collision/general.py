@@ -49,7 +49,6 @@ class Trajectory:
     """
 
     collision: Collision
-    time_s: Floats
     displacement_m: Floats
     velocity_m_per_s: Floats
     plate_displacement_m: Floats
@@ -57,6 +56,13 @@ class Trajectory:
     contact_point_m: Floats
     displacement_derivatives: Floats
     log: "EventLog"
+    sample_time_s: Floats
+    block: int = 1
+
+    @property
+    def time_s(self) -> Floats:
+        """Get the times, shape (n,): means over ``block`` of the sample times."""
+        return averaged(self.sample_time_s, self.block)
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -153,7 +159,7 @@ def solve(
     kinds = tuple(map(_kind, record.event_kind[:count].tolist()))
     x, v, y, u, point = states[:, :5].T
     log = EventLog(kinds, record, system.numbers)
-    return Trajectory(collision, averaged(record.times, block), x, v, y, u, point, d_x, log)
+    return Trajectory(collision, x, v, y, u, point, d_x, log, record.times, block)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,12 @@ CATALOGUE: Mapping[str, Effect] = {
 NUISANCES: Mapping[str, Effect] = {row.name: row for row in on_block.NUISANCES}  # fitted per shot, and never a finding
 WIDER: Mapping[str, Effect] = {row.name: row for row in on_sensor.WIDER}  # tried if the effect they widen was found
 MOST_AT_ONCE = 3
+_ON_SENSOR = tuple(
+    one
+    for row in CATALOGUE.values()
+    if row.sensor is not None
+    for one in (row, *(wider for wider in WIDER.values() if wider.widens == row.name))
+)
 
 
 def findings(effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -25,10 +31,7 @@ def sensors(effects: Iterable[Effect]) -> list[Effect]:
     The cyclic error comes last, because it depends on the path that already includes lag and vibration.
     """
     wanted = set(effects)
-    places = [row for row in CATALOGUE.values() if row.sensor is not None]
-    wider = [row for row in WIDER.values() if row in wanted]
-    rows = [one for row in places for one in (row, *(other for other in wider if other.widens == row.name))]
-    return [row for row in rows if row in wanted]
+    return [row for row in _ON_SENSOR if row in wanted]
 
 
 def named(name: str) -> Effect:

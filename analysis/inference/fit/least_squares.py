@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from analysis.collision import Floats, Infeasible
 from analysis.shot import Stop
@@ -300,11 +301,9 @@ def damped_step(curvature: Floats, pull: Floats, damping: float) -> Floats | Non
 
     Damping shortens the step most in poorly determined directions, along which valleys curve (Marquardt).
     """
+    if not pull.size:
+        return pull
     scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     scaled = curvature / np.outer(scale, scale) + damping * np.eye(scale.size)
-    try:
-        factor = np.linalg.cholesky(scaled)
-    except np.linalg.LinAlgError:
-        return None
-    solution = np.linalg.solve(factor.T, np.linalg.solve(factor, pull / scale)) / scale
-    return solution if np.all(np.isfinite(solution)) else None
+    _, solution, singular = dposv(scaled, pull / scale)  # by Cholesky decomposition
+    return solution / scale if not singular and np.all(np.isfinite(solution)) else None

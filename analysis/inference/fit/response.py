@@ -146,7 +146,7 @@ def respond(
     acting = [at for at in wanted.values() if at is not None]
     run = _solved(shot, time_s, acting, stride, inner)
     places = [place for place, at in enumerate(wanted.values()) if at is not None]
-    x, columns = run.displacement_m, np.zeros((run.time_s.size, len(wanted)))
+    x, columns = run.displacement_m, np.zeros((run.displacement_m.size, len(wanted)))
     columns[:, places] = run.displacement_derivatives
     velocity_out = None
     if (released := run.released) is not None:
@@ -190,7 +190,7 @@ def _directions(shot: ShotModel) -> dict[str, int | None]:
 
 def _solved(shot: ShotModel, time_s: Floats, directions: Sequence[int], stride: float, block: int) -> Trajectory:
     collision, length_s = shot.collision, time_s[-1] - time_s[0]
-    if fastest_rates(collision, ()).contact * length_s > _MOST_RADIANS:
+    if shot.rates.bodies * length_s > _MOST_RADIANS:
         raise Infeasible("the contact would swing faster than any that a record can show")
     if shot.rates.every * length_s > _MOST_RADIANS:
         raise Infeasible("an effect would swing faster than any that a record can show")

@@ -7,7 +7,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from analysis.collision import fastest_rates
 from analysis.inference.fit.arrow import Arrow, OrthonormalBasis
 from analysis.inference.fit.weighted_model import Lines, ModelAtVector, WeightedModel
 from analysis.inference.noise.floor import Floor
@@ -40,8 +39,7 @@ class CachedColumns:
         if not np.allclose(point.base, problem.unpack(z).base, rtol=_NEARBY, atol=0.0):
             return False
         for index, shot in enumerate(others):
-            collision = self.problem.shot_at(index, point).collision
-            swing_m = abs(shot.course.velocity_in_m_per_s) / fastest_rates(collision, ()).contact
+            swing_m = abs(shot.course.velocity_in_m_per_s) / self.problem.shot_at(index, point).rates.bodies
             moved_m = np.abs(self.lines[index][0] - lines[index][0])[shot.valid]
             if not float(moved_m.max(initial=0.0)) < _NEARBY * swing_m:
                 return False

@@ -58,6 +58,7 @@ class Outcome:
     problem: str = ""
     nearest: str = ""  # the catalogue effect that could imitate it best; of two, the one that is imitated more
     apart: float | None = None  # what even that one cannot imitate, over the noise; of two, the other
+    removed: tuple[str, ...] = ()  # effects that the demodulation removed from every shot, with a flag that says so
 
     def as_json(self) -> dict[str, Any]:
         """Return a plain dictionary."""
@@ -185,11 +186,13 @@ def judge(case: Case, diagnose: Callable[[Sequence[Motion]], Any]) -> Outcome:
         }
         for effect in said.effects
     }
+    leak_removed = all("leak_removed" in motion.flags for motion in shown)
     return Outcome(
         case=case,
         snr=snr,
         verdict=str(said.verdict),
         named=tuple(effect.name for effect in said.effects),
+        removed=("cyclic_error",) if leak_removed else (),
         classes=tuple(tuple(other.name for other in effect.indistinguishable_from) for effect in said.effects),
         truth={name: dict(values) for name, values in truth.effects.items()},
         found=found,

@@ -67,9 +67,8 @@ def exact(outcome: Outcome) -> bool:
 
 
 def truth_reported(outcome: Outcome) -> bool:
-    """Return whether every true effect is named or stands in a reported class."""
-    reported = set(outcome.named).union(*outcome.classes) if outcome.classes else set(outcome.named)
-    return set(outcome.case.names) <= reported
+    """Return whether every true effect is named, stands in a reported class, or was removed with a flag."""
+    return set(outcome.case.names) <= set(outcome.named).union(outcome.removed, *outcome.classes)
 
 
 def named_alone(outcome: Outcome) -> bool:

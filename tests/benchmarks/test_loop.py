@@ -35,6 +35,8 @@ def test_what_counts_as_exact_and_as_reported():
     assert not exact(more) and truth_reported(more)
     silent = _outcome(named=(), classes=(), verdict="unexplained")
     assert not exact(silent) and not truth_reported(silent)
+    removed = _outcome(named=(), classes=(), verdict="adequate", removed=("tilt",))
+    assert not exact(removed) and truth_reported(removed)
 
 
 def test_figures_say_when_a_target_is_missed():

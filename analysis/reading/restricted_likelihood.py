@@ -210,8 +210,11 @@ class RestrictedLikelihood:
 
     def fits(self, points: Floats) -> tuple[Floats, Floats]:
         """Return the q parameters fitted under each of p noise vectors, (p, q), and their covariances, (p, q, q)."""
-        products = side_by_side(lambda shot: np.stack([shot.products(at) for at in points]), self.shots)
-        values, covariances, _ = self._parameters_under(products, np.exp(points[:, 0]))
+        halves = np.array_split(points, 2)  # one for each core, since there may be only one shot
+        parts = [(shot, half) for shot in self.shots for half in halves]
+        products = side_by_side(lambda part: [part[0].products(at) for at in part[1]], parts)
+        of_shots = [np.array([*one, *other]) for one, other in zip(products[::2], products[1::2], strict=True)]
+        values, covariances, _ = self._parameters_under(of_shots, np.exp(points[:, 0]))
         return values, covariances
 
     def _parameters_under(self, products: Sequence[Floats], variance: Floats) -> tuple[Floats, Floats, Floats]:

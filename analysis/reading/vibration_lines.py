@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.compiled import solve_triangle
+from analysis.compiled import side_by_side, solve_triangle
 from analysis.reading.flight import Bins
 from analysis.reading.floor_spectrum import waves_of
 from analysis.reading.floor_strengths import FlightObservation, FloorEstimate
@@ -67,12 +67,12 @@ def add_line(
     """
     design = design_matrix(bins, waves, polynomials)
     white, *octaves, drag = estimate.best
-    calm = np.array([white, *np.minimum.accumulate(octaves), drag])
-    for at in (estimate.best, calm):
-        found = _strongest_line(bins, observation, at, design)
-        if found is None:
+    floors = estimate.best, np.array([white, *np.minimum.accumulate(octaves), drag])
+    found = side_by_side(lambda at: _strongest_line(bins, observation, at, design), floors)
+    for at, line in zip(floors, found, strict=True):
+        if line is None:
             continue
-        tried = refined(bins, observation, [*waves, found], polynomials, at)
+        tried = refined(bins, observation, [*waves, line], polynomials, at)
         weighed = observation.estimate_floor(design_matrix(bins, tried, polynomials), at)
         pays = weighed.worth - estimate.worth > LINE_WORTH
         if pays and _is_steady(bins, observation, tried, polynomials, weighed.best):

@@ -153,10 +153,11 @@ def test_two_steppers_agree_anywhere(
     one = general.solve(collision, (), time_s, directions=range(7))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
-        other = general.solve(collision, [], time_s)
-    # A chain of bounces magnifies any error as it does a small change of the parameters.
+        other = general.solve(collision, [], time_s, stride=0.5)
+    # A chain of bounces magnifies any error as it does a small change of the parameters.  At stride 1 the steps' own
+    # error is magnified too: to 3e-11 after forty changes of the contact.
     magnified = np.linalg.norm(one.displacement_derivatives[:, :5] * collision.vector[:5], axis=1).max()
-    assert np.abs(one.displacement_m - other.displacement_m).max() < 3e-11 * magnified
+    assert np.abs(one.displacement_m - other.displacement_m).max() < 3e-12 * magnified
     gap = one.gap_m
     assert np.all(gap[one.force_n != 0] <= 1e-15)
     assert abs(one.velocity_m_per_s[-1]) <= velocity * (1 + 1e-12)

@@ -193,9 +193,29 @@ def _mean_hz(track: Track, grid: Grid) -> float:
 def _motion(
     recording: Recording, settings: AnalysisSettings, wavelength_m: float, grid: Grid, tracks: list[Track]
 ) -> Motion:
+    track, rate = tracks[0], grid.rate_hz
+    known = np.flatnonzero(np.isfinite(track.phase_cycles))
+    if known.size < 3:
+        raise AnalysisError("too short: no stretch without lost samples is long enough for the filters")
+    count = int(known[-1]) + 1
+    time_s = grid.time_s(track.spec.tuning)[:count]
+    moving = track.phase_cycles[:count] + track.oscillator_hz * (time_s - _delay_s(track))
+    folded = folded_harmonic(moving, track.amplitude_counts[:count], time_s, recording.sample_rate_hz, rate)
     flags = list(recording.flags)
-    place = _displacement(recording, settings, wavelength_m, grid, tracks, flags)
-    displacement, std, rate, valid = place.displacement_m, place.std_m, grid.rate_hz, place.valid
+    rest = _rest(recording, settings, grid, tracks, time_s, flags)
+    moving = _without_leak(recording, moving, rest, grid, tracks, flags)
+    displacement = -0.5 * wavelength_m * (moving - rest.cycles)
+    contradicted = rate_error(recording, rest.frequency_hz if rest.smooth is not None else None)
+    if contradicted:
+        flags.append(RATE_CONTRADICTED)
+    std = np.asarray(0.5 * wavelength_m * np.hypot(track.std_cycles[:count], rest.std_cycles))
+    hole = track.hole[:count]
+    flags += _gap_flags(grid, tracks, hole)
+    displacement, doubtful = joined(displacement, track.breaks, 0.5 * wavelength_m)
+    if doubtful:
+        flags.append("fringe_doubtful")
+    valid = np.isfinite(displacement) & ~hole
+    displacement -= _start(displacement[valid])
     velocity, acceleration, velocity_std, acceleration_std, walk = _derived(
         displacement, std, rate, settings.bandwidth_hz
     )
@@ -204,9 +224,9 @@ def _motion(
     mass = recording.setup.moving_mass_kg
     for array in (displacement, velocity, acceleration, std, velocity_std, acceleration_std):
         array[~valid] = np.nan
-    flags += _beat_flags(recording, grid, tracks, place.folded_harmonic, valid.size)
+    flags += _beat_flags(recording, grid, tracks, folded, count)
     return Motion(
-        time_s=place.time_s,
+        time_s=time_s,
         displacement_m=displacement,
         velocity_m_per_s=velocity,
         acceleration_m_per_s2=acceleration,
@@ -223,61 +243,14 @@ def _motion(
         moving_mass_u_kg=recording.setup.moving_mass_u_kg,
         plate=recording.setup.plate,
         wavelength_m=wavelength_m,
-        rest_frequency_hz=place.rest_frequency_hz,
+        rest_frequency_hz=rest.frequency_hz,
         trigger_time_s=recording.trigger_time_s,
-        rate_error=place.rate_error,
+        rate_error=contradicted,
         displacement_wander_m_per_sqrt_s=walk,
         reference=_quality(recording, Role.REFERENCE, tracks[1], grid) if len(tracks) > 1 else None,
-        measurement=_quality(recording, Role.MEASUREMENT, tracks[0], grid),
+        measurement=_quality(recording, Role.MEASUREMENT, track, grid),
         flags=tuple(dict.fromkeys(flags)),
     )
-
-
-@dataclass(frozen=True, slots=True)
-class _Displacement:
-    """The displacement over time, shape (n,), and findings of its computation; ``folded_harmonic`` is an amplitude."""
-
-    time_s: Floats
-    displacement_m: Floats
-    std_m: Floats
-    valid: NDArray[np.bool_]
-    rest_frequency_hz: Quantity
-    rate_error: float
-    folded_harmonic: float
-
-
-def _displacement(
-    recording: Recording,
-    settings: AnalysisSettings,
-    wavelength_m: float,
-    grid: Grid,
-    tracks: list[Track],
-    flags: list[str],
-) -> _Displacement:
-    """Return the displacement from the phases of both beats; faults found are added to ``flags``."""
-    track = tracks[0]
-    known = np.flatnonzero(np.isfinite(track.phase_cycles))
-    if known.size < 3:
-        raise AnalysisError("too short: no stretch without lost samples is long enough for the filters")
-    count = int(known[-1]) + 1
-    time_s = grid.time_s(track.spec.tuning)[:count]
-    moving = track.phase_cycles[:count] + track.oscillator_hz * (time_s - _delay_s(track))
-    folded = folded_harmonic(moving, track.amplitude_counts[:count], time_s, recording.sample_rate_hz, grid.rate_hz)
-    rest = _rest(recording, settings, grid, tracks, time_s, flags)
-    moving = _without_leak(recording, moving, rest, grid, tracks, flags)
-    displacement = -0.5 * wavelength_m * (moving - rest.cycles)
-    contradicted = rate_error(recording, rest.frequency_hz if rest.smooth is not None else None)
-    if contradicted:
-        flags.append(RATE_CONTRADICTED)
-    std = np.asarray(0.5 * wavelength_m * np.hypot(track.std_cycles[:count], rest.std_cycles))
-    hole = track.hole[:count].copy()
-    flags += _gap_flags(grid, tracks, hole)
-    displacement, doubtful = joined(displacement, track.breaks, 0.5 * wavelength_m)
-    if doubtful:
-        flags.append("fringe_doubtful")
-    valid = np.isfinite(displacement) & ~hole
-    displacement -= _start(displacement[valid])
-    return _Displacement(time_s, displacement, std, valid, rest.frequency_hz, contradicted, folded)
 
 
 def _without_leak(

@@ -32,7 +32,7 @@ from analysis.signal.noise import wander
 from analysis.signal.phase_errors import find_leak, folded_harmonic, leak_phase
 from analysis.signal.rest import RestPhase, fit_rest_phase
 from analysis.signal.survey import Survey, survey
-from analysis.signal.track import BeatSpec, Grid, Track, read_tracks
+from analysis.signal.track import Grid, Track, read_tracks
 
 HARMONICS_ABOVE = 0.01  # relative to the beat; a harmonic folded onto the beat disturbs the phase by as much (rad)
 _UNSTEADY_SIGMA = 3.0
@@ -114,21 +114,15 @@ def _read_beats(
     cancelled: Stop | None,
 ) -> tuple[Grid, list[Track]]:
     """Read the beats with the first plan that misses no sample of the moving beat, or else that which misses fewest."""
-    column, reference_column = recording.column(Role.MEASUREMENT), recording.column(Role.REFERENCE)
-    assert column is not None
     best: tuple[int, Grid, list[Track]] | None = None
-    for plan in demodulation_plans(moving, rest, recording, settings):
-        grid = Grid.of(recording, plan.step)
-        beats = [BeatSpec(plan.tuning, plan.schedule, column, moving)]
-        if rest is not None and reference_column is not None:
-            assert plan.rest_tuning is not None and plan.rest_schedule is not None
-            beats.append(BeatSpec(plan.rest_tuning, plan.rest_schedule, reference_column, rest))
+    for step, beats in demodulation_plans(moving, rest, recording, settings):
+        grid = Grid.of(recording, step)
         tracks = read_tracks(recording, beats, grid, progress, cancelled)
         missed = _missed(tracks[0], grid)
-        better = best is None or missed < _WORTH_ANOTHER * best[0]
-        if better:
-            best = (missed, grid, tracks)
-        if missed == 0 or not better:  # if a wider band does not help, the band is not the cause
+        if best is not None and missed >= _WORTH_ANOTHER * best[0]:
+            break  # if a wider band does not help, the band is not the cause
+        best = (missed, grid, tracks)
+        if missed == 0:
             break
     assert best is not None
     return best[1:]

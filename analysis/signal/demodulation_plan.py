@@ -1,13 +1,13 @@
 """Plan a recording's demodulation (oscillators, bandwidth, decimation): narrow bands first, wider ones if needed."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.shot import AnalysisError, AnalysisSettings, Recording
+from analysis.shot import AnalysisError, AnalysisSettings, Recording, Role
 from analysis.signal.survey import Survey
-from analysis.signal.tuning import OscillatorSchedule, Tuning, fixed_schedule, following_schedule, tune
+from analysis.signal.track import BeatSpec
+from analysis.signal.tuning import Tuning, fixed_schedule, following_schedule, tune
 
 FOLLOWED_HZ = (130e3, 400e3)  # largest distance of beat from following oscillator, in the first and second plan
 NARROW_HZ = 40e3  # the same for a beat so near zero that a wider band would include its image
@@ -20,15 +20,7 @@ _ROUND_HZ = 20e3
 _DIM_DB = 6.0
 
 
-@dataclass(frozen=True, slots=True)
-class DemodulationPlan:
-    """Parameters of a demodulation; ``step`` is the number of recorded samples per motion sample."""
-
-    tuning: Tuning
-    schedule: OscillatorSchedule
-    rest_tuning: Tuning | None
-    rest_schedule: OscillatorSchedule | None
-    step: int
+DemodulationPlan = tuple[int, list[BeatSpec]]  # recorded samples per motion sample; the moving beat, the rest beat
 
 
 def demodulation_plans(
@@ -75,18 +67,18 @@ def _plan(
             frequency = np.median(np.stack((ends[:-2], ends[1:-1], ends[2:])), axis=0)
         centre_sample = seen.sample[seen.seen] + seen.stretch // 2
         schedule = following_schedule(tuning, centre_sample, frequency, recording.samples, OSCILLATOR_SPACING_HZ)
-    factor = max(2, round(tuning.phase_rate_hz / motion_rate))
-    step = tuning.decimation * factor
-    if reference is None:
-        return DemodulationPlan(tuning, schedule, None, None, step)
-    rest_hz = float(np.median(reference.frequency_hz[reference.seen]))
-    if together:
-        return DemodulationPlan(tuning, schedule, tuning, fixed_schedule(tuning, rest_hz), step)
-    spread = 0.5 * float(np.ptp(reference.frequency_hz[reference.seen]))
-    rest_low, rest_high = _rounded(rest_hz, rest_hz)
-    half_width = _ROUND_HZ * np.ceil((REST_HALF_WIDTH_HZ + min(spread, 1e5) + 0.5 * motion_rate) / _ROUND_HZ)
-    rest_tuning = tune(rate, rest_low, rest_high, half_width, 2.0 * rate / step, step)
-    return DemodulationPlan(tuning, schedule, rest_tuning, fixed_schedule(rest_tuning, rest_hz), step)
+    step = tuning.decimation * max(2, round(tuning.phase_rate_hz / motion_rate))
+    column, reference_column = recording.column(Role.MEASUREMENT), recording.column(Role.REFERENCE)
+    assert column is not None
+    beats = [BeatSpec(tuning, schedule, column, seen)]
+    if reference is not None and reference_column is not None:
+        rest_hz = float(np.median(reference.frequency_hz[reference.seen]))
+        if not together:
+            spread = 0.5 * float(np.ptp(reference.frequency_hz[reference.seen]))
+            half_width = _ROUND_HZ * np.ceil((REST_HALF_WIDTH_HZ + min(spread, 1e5) + 0.5 * motion_rate) / _ROUND_HZ)
+            tuning = tune(rate, *_rounded(rest_hz, rest_hz), half_width, 2.0 * rate / step, step)
+        beats.append(BeatSpec(tuning, fixed_schedule(tuning, rest_hz), reference_column, reference))
+    return step, beats
 
 
 def _rounded(low_hz: float, high_hz: float) -> tuple[float, float]:

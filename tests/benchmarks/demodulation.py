@@ -24,7 +24,7 @@ from analysis.signal.demodulation import demodulate
 from analysis.signal.demodulation_plan import demodulation_plans
 from analysis.signal.filters import decimator_taps, derivative_filters
 from analysis.signal.survey import survey
-from analysis.signal.track import BeatSpec, Grid, read_tracks
+from analysis.signal.track import Grid, read_tracks
 from tests.analysis.signal.beats import MASS_KG, WAVELENGTH_M, Floats, collision, free_flight, make_recording
 from tests.benchmarks.peers import analytic_signal, ridge, zero_crossings
 
@@ -54,7 +54,8 @@ def _velocity_bound(snr_db: float, recording: Recording, motion: Motion) -> floa
     """
     settings = AnalysisSettings(motion_rate_hz=motion.sample_rate_hz, bandwidth_hz=motion.bandwidth_hz)
     seen = survey(recording.counts[:, 1], recording.sample_rate_hz, 16, "measurement")
-    tuning = next(iter(demodulation_plans(seen, None, recording, settings))).tuning
+    _, (moving,) = next(iter(demodulation_plans(seen, None, recording, settings)))
+    tuning = moving.tuning
     step = round(recording.sample_rate_hz / motion.sample_rate_hz)
     chain = _spread(decimator_taps(step // tuning.decimation, tuning.spread), tuning.decimation)
     chain = fftconvolve(chain, tuning.window)
@@ -110,28 +111,25 @@ def speed() -> None:
     counts = recording.counts
     seen = survey(counts[:, 1], RATE_HZ, 12, "measurement")
     seen_reference = survey(counts[:, 0], RATE_HZ, 12, "reference")
-    plan = next(iter(demodulation_plans(seen, seen_reference, recording, settings)))
-    assert plan.rest_tuning is not None and plan.rest_schedule is not None
-    grid = Grid.of(recording, plan.step)
-    moving = BeatSpec(plan.tuning, plan.schedule, 1, seen)
-    rest = BeatSpec(plan.rest_tuning, plan.rest_schedule, 0, seen_reference)
+    step, (moving, rest) = next(iter(demodulation_plans(seen, seen_reference, recording, settings)))
+    grid = Grid.of(recording, step)
 
     def kernel_one_shot() -> Floats:
-        reader = BeatReader(plan.tuning, plan.schedule, 1, seen.offset_counts)
-        decimator = PhaseDecimator(plan.step // plan.tuning.decimation, 0, plan.tuning.spread)
+        reader = BeatReader(moving.tuning, moving.schedule, 1, seen.offset_counts)
+        decimator = PhaseDecimator(step // moving.tuning.decimation, 0, moving.tuning.spread)
         first = decimator.feed(*reader.feed(counts)[1:])[1].copy()
         return np.concatenate((first, decimator.feed(*reader.finish()[1:])[1]))
 
     def kernel_streaming(block: int = 1 << 17) -> Floats:
-        reader = BeatReader(plan.tuning, plan.schedule, 1, seen.offset_counts)
-        decimator = PhaseDecimator(plan.step // plan.tuning.decimation, 0, plan.tuning.spread)
+        reader = BeatReader(moving.tuning, moving.schedule, 1, seen.offset_counts)
+        decimator = PhaseDecimator(step // moving.tuning.decimation, 0, moving.tuning.spread)
         parts = [decimator.feed(*reader.feed(counts[a : a + block])[1:])[1] for a in range(0, SAMPLES, block)]
         return np.concatenate((*parts, decimator.feed(*reader.finish()[1:])[1]))
 
     def one_channel_with_survey() -> object:
         found = survey(counts[:, 1], RATE_HZ, 12, "measurement")
-        own = next(iter(demodulation_plans(found, None, recording, settings)))
-        return read_tracks(recording, [BeatSpec(own.tuning, own.schedule, 1, found)], grid, None, None)
+        _, alone = next(iter(demodulation_plans(found, None, recording, settings)))
+        return read_tracks(recording, alone, grid, None, None)
 
     work: dict[str, Callable[[], object]] = {
         "one channel": kernel_one_shot,

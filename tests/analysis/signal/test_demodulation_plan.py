@@ -25,9 +25,10 @@ REST = seen(np.full(SAMPLE.size, 2.7312e6))
 
 def oscillators(plan: DemodulationPlan) -> tuple[np.ndarray, np.ndarray]:
     """Return the middle sample of every batch and the oscillator it is read with."""
-    batch = BATCH * plan.tuning.decimation
-    hz = [plan.tuning.oscillator_hz(int(step)) for step in plan.schedule.steps]
-    return (np.arange(plan.schedule.batch.size) + 0.5) * batch, np.array(hz)[plan.schedule.batch]
+    _, (moving, *_rest) = plan
+    batch = BATCH * moving.tuning.decimation
+    hz = [moving.tuning.oscillator_hz(int(step)) for step in moving.schedule.steps]
+    return (np.arange(moving.schedule.batch.size) + 0.5) * batch, np.array(hz)[moving.schedule.batch]
 
 
 def test_the_oscillator_stands_where_the_survey_saw_the_beat_in_the_middle_of_its_stretches() -> None:
@@ -58,22 +59,21 @@ def test_of_a_dim_beat_a_stretch_that_differs_from_both_neighbours_is_not_believ
 def test_the_rest_beats_band_holds_its_spread_and_its_phases_come_twice_a_motion_sample(spread_hz: float) -> None:
     wandering = 2.7312e6 + spread_hz * np.linspace(-0.5, 0.5, SAMPLE.size)
     chosen = AnalysisSettings()
-    plan = _plan(130e3, seen(FALLING), seen(wandering), RECORDING, chosen)
-    assert plan.rest_tuning is not None and plan.rest_schedule is not None
+    motion_step, (_, rest) = _plan(130e3, seen(FALLING), seen(wandering), RECORDING, chosen)
     least = 50e3 + min(0.5 * spread_hz, 1e5) + 0.5 * chosen.motion_rate_hz
-    assert least <= plan.rest_tuning.half_width_hz < least + 20e3
-    assert plan.rest_tuning.half_width_hz % 20e3 == pytest.approx(0.0, abs=1e-6)
-    assert plan.rest_tuning.phase_rate_hz >= 2.0 * RATE / plan.step
-    assert plan.step % plan.rest_tuning.decimation == 0
-    (step,) = plan.rest_schedule.steps
-    assert plan.rest_tuning.oscillator_hz(int(step)) == pytest.approx(np.median(wandering), abs=200.0)
+    assert least <= rest.tuning.half_width_hz < least + 20e3
+    assert rest.tuning.half_width_hz % 20e3 == pytest.approx(0.0, abs=1e-6)
+    assert rest.tuning.phase_rate_hz >= 2.0 * RATE / motion_step
+    assert motion_step % rest.tuning.decimation == 0
+    (step,) = rest.schedule.steps
+    assert rest.tuning.oscillator_hz(int(step)) == pytest.approx(np.median(wandering), abs=200.0)
 
 
 def test_a_narrow_band_is_tried_only_where_no_other_is_possible() -> None:
     for hz, widths in ((0.125e6, [90e3]), (0.15e6, [120e3]), (0.25e6, [180e3, 120e3])):
         near_zero = seen(np.linspace(hz, hz + 1e3, SAMPLE.size))
         plans = list(demodulation_plans(near_zero, None, RECORDING, AnalysisSettings()))
-        assert [plan.tuning.half_width_hz for plan in plans] == pytest.approx(widths)
+        assert [moving.tuning.half_width_hz for _, (moving,) in plans] == pytest.approx(widths)
     assert len(list(demodulation_plans(seen(FALLING), None, RECORDING, AnalysisSettings()))) == 3
     impossible = seen(np.full(SAMPLE.size, 0.05e6))
     with pytest.raises(AnalysisError, match="band of 0 to 5 MHz"):
@@ -82,7 +82,8 @@ def test_a_narrow_band_is_tried_only_where_no_other_is_possible() -> None:
 
 def test_a_motion_rate_is_met_by_whole_phases_at_least_two() -> None:
     for rate in (2e4, 1e5, 4e5):
-        plan = _plan(130e3, seen(FALLING), None, RECORDING, AnalysisSettings(motion_rate_hz=rate, bandwidth_hz=2e3))
-        factor = plan.step // plan.tuning.decimation
-        assert plan.step == factor * plan.tuning.decimation and factor >= 2
-        assert RATE / plan.step == pytest.approx(rate, rel=0.25)
+        chosen = AnalysisSettings(motion_rate_hz=rate, bandwidth_hz=2e3)
+        step, (moving,) = _plan(130e3, seen(FALLING), None, RECORDING, chosen)
+        factor = step // moving.tuning.decimation
+        assert step == factor * moving.tuning.decimation and factor >= 2
+        assert RATE / step == pytest.approx(rate, rel=0.25)

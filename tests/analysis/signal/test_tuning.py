@@ -121,23 +121,23 @@ def test_plans_begin_with_a_band_that_follows_the_beat_and_end_with_one_that_hol
     settings = AnalysisSettings(rest=rest)
     plans = list(demodulation_plans(seen, still, recording, settings))
     assert len(plans) == 3
-    widths = [plan.tuning.half_width_hz for plan in plans]
+    widths = [moving.tuning.half_width_hz for _, (moving, _) in plans]
     both = 0.5 * settings.motion_rate_hz
     assert widths[:2] == pytest.approx([130e3 + both, 400e3 + both])
     low, high = _rounded(min(seen.low_hz, still.low_hz), max(seen.high_hz, still.high_hz))
     if rest == "smooth":
         low, high = _rounded(seen.low_hz, seen.high_hz)
     assert widths[2] == pytest.approx(0.5 * (high - low) + 60e3 + both)
-    assert plans[2].schedule.steps.size == 1 < plans[0].schedule.steps.size
-    for plan in plans:
-        assert plan.step % plan.tuning.decimation == 0 and plan.rest_tuning is not None
-        assert plan.step / 10e6 == pytest.approx(1 / settings.motion_rate_hz, rel=0.1)
-        assert (plan.rest_tuning is plan.tuning) == (rest == "instantaneous")
-        assert plan.step % plan.rest_tuning.decimation == 0 and plan.rest_schedule is not None
-        rest_hz = plan.rest_tuning.oscillator_hz(int(plan.rest_schedule.steps[0]))
+    assert plans[2][1][0].schedule.steps.size == 1 < plans[0][1][0].schedule.steps.size
+    for step, (moving, other) in plans:
+        assert step % moving.tuning.decimation == 0 == step % other.tuning.decimation
+        assert step / 10e6 == pytest.approx(1 / settings.motion_rate_hz, rel=0.1)
+        assert (other.tuning is moving.tuning) == (rest == "instantaneous")
+        rest_hz = other.tuning.oscillator_hz(int(other.schedule.steps[0]))
         assert rest_hz == pytest.approx(2.73e6, abs=300.0)
-    alone = next(demodulation_plans(seen, None, recording, settings))
-    assert alone.rest_tuning is None is alone.rest_schedule
+        assert (moving.column, other.column) == (1, 0) and (moving.survey, other.survey) == (seen, still)
+    _, alone = next(demodulation_plans(seen, None, recording, settings))
+    assert len(alone) == 1
 
 
 @pytest.mark.parametrize("asked", ASKED)

@@ -5,20 +5,14 @@ bounce times depend on the plate's motion between the contacts; this ratio does 
 """
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
-from analysis.collision import Collision, Event, Variant, solve
+from analysis.collision import Collision, Event, Infeasible, solve
+from analysis.inference import base_named
 from analysis.shot import Fit, NotSeen, Quantity, Reading
 from levimass import is_drive
 
-_COLUMN = {
-    "plate_stiffness_n_per_m": 0,
-    "plate_mass_kg": 1,
-    "contact_stiffness_n_per_m": 2,
-    "contact_damping_n_s_per_m": 3,
-}
 _PERIODS = 3.0  # periods of the contact's own oscillation within which the first release is expected
 
 
@@ -43,8 +37,10 @@ def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
         return NotSeen(f"with {', '.join(foreign)} the first contact has no single COR of its own")
     values = {name: quantity.value for name, quantity in fit.parameters.items()}
     try:
-        collision = _collision(fit.model, values, values.get("moving_mass_kg", block_mass_kg))
-    except (KeyError, ValueError) as why:
+        base = base_named(fit.model)
+        shared = np.array([values[name] for name in base.names])
+        collision = base.collision(shared, -1.0, values.get("moving_mass_kg", block_mass_kg))
+    except (KeyError, ValueError, Infeasible) as why:
         return NotSeen(f"the fitted model has no contact: {why}")
     try:
         release = _first_release(collision, derivatives=True)
@@ -53,25 +49,12 @@ def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
     if release is None:
         return NotSeen("the fitted contact never lets go")
     slope = -(release.state_derivatives[:4, 1] - release.state_derivatives[:4, 3]) / collision.velocity_in_m_per_s
-    names = list(fit.parameters)
-    gradient = np.array([slope[_COLUMN[name]] if name in _COLUMN else 0.0 for name in names])
+    column, names = base.columns(0), list(fit.parameters)
+    gradient = np.array([slope[column[name]] if name in column else 0.0 for name in names])
     variance = float(gradient @ fit.covariance[: len(names), : len(names)] @ gradient)
     if not math.isfinite(variance) or variance < 0.0:
         return NotSeen("the fit does not determine its contact")
     return Quantity(_ratio(collision, release), math.sqrt(variance), "-(v_b - v_p) out / in of the fitted contact")
-
-
-def _collision(model: str, values: Mapping[str, float], block_mass_kg: float) -> Collision:
-    one_body = model == "contact"
-    return Collision(
-        block_mass_kg=block_mass_kg,
-        velocity_in_m_per_s=-1.0,
-        plate_stiffness_n_per_m=0.0 if one_body else values["plate_stiffness_n_per_m"],
-        plate_mass_kg=math.inf if one_body else values["plate_mass_kg"],
-        contact_stiffness_n_per_m=values["contact_stiffness_n_per_m"],
-        contact_damping_n_s_per_m=values["contact_damping_n_s_per_m"],
-        variant=Variant.PAPER if one_body else Variant.named(model),
-    )
 
 
 def _first_release(collision: Collision, *, derivatives: bool) -> Event | None:

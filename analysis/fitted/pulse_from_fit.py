@@ -6,12 +6,12 @@ are as certain as its parameters.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from analysis.collision import Infeasible
-from analysis.fitted.fitted_shot import READ_FROM_MODEL
+from analysis.fitted.fitted_shot import PULSE, READ_FROM_MODEL
 from analysis.inference import JointData, Point, Problem, averaged_shots, base_named, trials_of
 from analysis.shot import AnalysisError, Fit, Floats, Impact, Motion, NotSeen, Quantity, Reading
 from levimass import is_drive
@@ -21,15 +21,6 @@ INCONSISTENT = "pulse_disagrees"  # peak and width of the direct reading do not 
 IMPULSE_SHARES = (0.5, 1.3)  # peak x width over m (v_out - v_in): 0.94 of a half sine, 1 of a rectangle
 HOW = "the fitted model: derivatives of this record carry too little"
 _GRID = 1500
-_READ = ("force_peak_n", "force_fwhm_s", "contact_time_s", "impulse_ns", "deflection_max_m")
-
-
-@dataclass(frozen=True, slots=True)
-class _Pulse:
-    """Values, shape (5,), and covariance of the model's first contact, in the order of ``_READ``."""
-
-    values: Floats
-    covariance: Floats
 
 
 def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
@@ -40,26 +31,24 @@ def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
     """
     if motion.wavelength_m is not None or not fit.converged or len(fit.shots) != 1 or is_drive(fit.model):
         return impact
+    checked = _with_impulse_check(impact, motion.moving_mass_kg)
     try:
         pulse = _pulse(fit, motion)
     except (AnalysisError, Infeasible, KeyError, ValueError, np.linalg.LinAlgError):
-        return _with_impulse_check(impact, motion.moving_mass_kg)
+        return checked
     stds = motion.force_std_n[np.isfinite(motion.force_std_n)]
     noise_n = float(np.median(stds)) if stds.size else float("nan")
-    if not noise_n > DROWNED * pulse.values[0]:
-        return _with_impulse_check(impact, motion.moving_mass_kg)
-    std = np.sqrt(np.maximum(np.diag(pulse.covariance), 0.0))
-    read = {name: Quantity(float(v), float(s), HOW) for name, v, s in zip(_READ, pulse.values, std, strict=True)}
-    seen = _with_impulse_check(impact, motion.moving_mass_kg)
+    if not noise_n > DROWNED * pulse["force_peak_n"].value:
+        return checked
     return replace(
-        seen,
-        force_peak_n=read["force_peak_n"],
-        force_fwhm_s=read["force_fwhm_s"],
-        contact_time_s=read["contact_time_s"],
-        deflection_max_m=read["deflection_max_m"],
+        checked,
+        force_peak_n=pulse["force_peak_n"],
+        force_fwhm_s=pulse["force_fwhm_s"],
+        contact_time_s=pulse["contact_time_s"],
+        deflection_max_m=pulse["deflection_max_m"],
         cor_impulse=NotSeen("the force before and after the turn is drowned in noise"),
         stiffness_slope_n_per_m=NotSeen("the force is drowned in noise; the fit gives the contact's stiffness"),
-        flags=tuple(dict.fromkeys((*seen.flags, READ_FROM_MODEL))),
+        flags=tuple(dict.fromkeys((*checked.flags, READ_FROM_MODEL))),
     )
 
 
@@ -81,8 +70,8 @@ def _with_impulse_check(impact: Impact, mass_kg: float) -> Impact:
     return replace(impact, flags=tuple(dict.fromkeys((*impact.flags, INCONSISTENT))))
 
 
-def _pulse(fit: Fit, motion: Motion) -> _Pulse:
-    """Return the model's first contact, with its covariance from numerical derivatives of a solved shot."""
+def _pulse(fit: Fit, motion: Motion) -> dict[str, Quantity]:
+    """Return the readings ``PULSE`` of the model's first contact; stds from numerical derivatives of a solved shot."""
     shot = fit.shots[0]
     data = JointData(averaged_shots([motion]), base_named(fit.model))
     own = np.array([q.value for q in (shot.velocity_in_m_per_s, shot.touch_time_s, shot.offset_m)])
@@ -113,7 +102,9 @@ def _pulse(fit: Fit, motion: Motion) -> _Pulse:
     covariance = np.zeros((at.size + 1,) * 2)
     covariance[:-1, :-1] = fit.covariance[: at.size, : at.size]
     covariance[-1, -1] = shot.velocity_in_m_per_s.std**2
-    return _Pulse(here, max(1.0, fit.reduced_chi2) * columns @ covariance @ columns.T)
+    variance = np.diag(max(1.0, fit.reduced_chi2) * columns @ covariance @ columns.T)
+    stds = np.sqrt(np.maximum(variance, 0.0))
+    return {name: Quantity(float(v), float(s), HOW) for name, v, s in zip(PULSE, here, stds, strict=True)}
 
 
 def _derivatives(function: Callable[[Floats], Floats], at: Floats, fit: Fit, speed_std: float) -> Floats:
@@ -121,7 +112,7 @@ def _derivatives(function: Callable[[Floats], Floats], at: Floats, fit: Fit, spe
     out = []
     for k, step in enumerate(steps):
         if not step > 0.0:
-            out.append(np.zeros(len(_READ)))
+            out.append(np.zeros(len(PULSE)))
             continue
         moved = [at.copy(), at.copy()]
         moved[0][k] -= step
@@ -138,7 +129,7 @@ def _first_contact_span(touch_s: float, fit: Fit, motion: Motion) -> tuple[float
 
 
 def _read(time_s: Floats, velocity: Floats, displacement: Floats, changes: tuple[float, ...], mass_kg: float) -> Floats:
-    """Return peak force, full width at half maximum, contact time, impulse and depth of a contact, shape (5,)."""
+    """Return peak force, full width at half maximum, contact time and depth of a contact, shape (4,)."""
     force = mass_kg * np.gradient(velocity, time_s)
     top = int(np.argmax(force))
     above = force > 0.5 * force[top]
@@ -158,7 +149,6 @@ def _read(time_s: Floats, velocity: Floats, displacement: Floats, changes: tuple
             force[top],
             crossing(last + 1, last) - crossing(first - 1, first),
             release - touch,
-            mass_kg * float(np.interp(release, time_s, velocity) - np.interp(touch, time_s, velocity)),
             at_touch - float(displacement[inside].min()),
         ]
     )

@@ -26,7 +26,7 @@ class Status(StrEnum):
     INPUT = "input"  # an input of the simulation
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PaperRow:
     """One number of the paper, with this program's values; differences are relative.
 
@@ -39,15 +39,15 @@ class PaperRow:
     what: str
     where: str
     unit: str
-    paper: float | None
-    paper_words: str
-    printed: float | None
-    simulated: float | None
-    recomputed: float | None
+    paper: float | None = None
+    paper_words: str = ""
+    printed: float | None = None
+    simulated: float | None = None
+    recomputed: float | None = None
     recorded: Reading
-    error_before: float | None
-    error_after: float | None
-    traced_to: str
+    error_before: float | None = None
+    error_after: float | None = None
+    traced_to: str = ""
     status: Status
 
 
@@ -200,14 +200,8 @@ def _input_row(name: str, value: float, shot: Shot | None) -> PaperRow:
         where="simulation" if name in COLLISION or name == "step_s" else "rig",
         unit=unit,
         paper=float(value),
-        paper_words="",
-        printed=None,
         simulated=float(value),
-        recomputed=None,
         recorded=_recorded(key, shot),
-        error_before=None,
-        error_after=None,
-        traced_to="",
         status=Status.INPUT,
     )
 

@@ -29,8 +29,8 @@ from tests.app.synthetic import TOUCH_S, bare_shot, shot
 
 def _row(**other: object) -> PaperRow:
     plain = PaperRow(
-        "force_peak", "simulation", "peak force", "Fig. 5", "N", 0.5, "", 0.5123456789, 0.51, None,
-        NotSeen("none"), None, None, "", Status.AGREES,
+        key="force_peak", section="simulation", what="peak force", where="Fig. 5", unit="N", paper=0.5,
+        printed=0.5123456789, simulated=0.51, recorded=NotSeen("none"), status=Status.AGREES,
     )  # fmt: skip
     return replace(plain, **other)  # type: ignore[arg-type]
 

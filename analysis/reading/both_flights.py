@@ -60,7 +60,9 @@ def read_flights(
     if out is not None and (~bins.into).sum() < FEWEST_BINS:
         out, bins = None, select(bins, bins.into)
     zeros = (float(motion.time_s[into[1]]), float(motion.time_s[out[0]]) if out is not None else 0.0)
-    knocked, whole = find_knocks(_without_flights(bins, zeros), bins.into, bins.std_m)
+    knocked, whole = find_knocks(
+        bins.value_m - _unweighted(bins, _polynomials(bins, zeros)[0])[1], bins.into, bins.std_m
+    )
     half_s = 0.5 * (bins.each - 1) * bins.step_s  # from a bin's middle to its first and to its last sample
     knocks = tuple((float(bins.time_s[a]) - half_s, float(bins.time_s[b - 1]) + half_s) for a, b in knocked)
     keep = np.ones(bins.time_s.size, dtype=np.bool_)
@@ -68,7 +70,7 @@ def read_flights(
         keep[a:b] = False
     bins = select(bins, keep)
     polynomials, drags = _polynomials(bins, zeros)
-    straight, line = _straight_lines(bins, polynomials, drags)
+    straight, line = _unweighted(bins, polynomials, drags)
     observation = _observation(replace(bins, value_m=bins.value_m - line), drags)
     waves = [wave_of(bins, line) for line in before.lines] if before is not None else []
     start = before.strengths if before is not None and before.strengths.size == observation.unknowns else None
@@ -87,12 +89,12 @@ def read_flights(
     white = bins.std_m * np.sqrt(bins.each)
     parts = tuple(zip(estimate.weights, observation.powers(estimate.points), strict=True))
     floor = FloorSpectrum(observation.octaves, parts, white, motion.sample_rate_hz)
-    flights = _flights(bins, zeros, solution, covariance, white, into, out)
-    degree = flights[0].coefficients.size
+    degree = 3 if 2 in drags else 2  # columns of the incoming flight
+    first, second = slice(0, degree), slice(degree, polynomials.shape[1])
     plain = np.linalg.inv(polynomials.T @ polynomials) * bins.std_m**2
     return Flights(
-        incoming=flights[0],
-        outgoing=flights[1],
+        incoming=Flight(zeros[0], solution[first], covariance[first, first], white, *into),
+        outgoing=Flight(zeros[1], solution[second], covariance[second, second], white, *out) if out else None,
         velocity_covariance=float(covariance[1, degree + 1]) if out is not None else 0.0,
         lines=tuple(
             line_of(wave, covariance[i : i + 3, i : i + 3], frequency_derivative(bins, wave)[1], bins.middle_s)
@@ -106,12 +108,13 @@ def read_flights(
     )
 
 
-def _straight_lines(bins: Bins, polynomials: Floats, drags: tuple[int, ...]) -> tuple[Floats, Floats]:
-    """Return the coefficients of straight flights, (p,), and their displacement, (n,).
+def _unweighted(bins: Bins, polynomials: Floats, left_out: tuple[int, ...] = ()) -> tuple[Floats, Floats]:
+    """Return the coefficients, (p,), of an unweighted fit of the flights, and its displacement, (n,).
 
-    This displacement is ten million times the noise.  Subtracting it first keeps the precision of sums of squares.
+    Without the accelerations this displacement is ten million times the noise.  Subtracting it first keeps the
+    precision of sums of squares.
     """
-    free = np.setdiff1d(np.arange(polynomials.shape[1]), drags)
+    free = np.setdiff1d(np.arange(polynomials.shape[1]), left_out)
     scale = np.abs(polynomials).max(axis=0)
     coefficients = np.zeros(polynomials.shape[1])
     solution, *_ = np.linalg.lstsq(polynomials[:, free] / scale[free], bins.value_m, rcond=None)
@@ -138,30 +141,6 @@ def _polynomials(bins: Bins, zeros: tuple[float, float]) -> tuple[Floats, tuple[
             drags.append(len(columns))
             columns.append(np.where(side, tau**2 + ((bins.each**2 - 1) / 12.0) * bins.step_s**2, 0.0))
     return np.stack(columns, axis=1), tuple(drags)
-
-
-def _without_flights(bins: Bins, zeros: tuple[float, float]) -> Floats:
-    design, _ = _polynomials(bins, zeros)
-    scale = np.abs(design).max(axis=0)
-    solution, *_ = np.linalg.lstsq(design / scale, bins.value_m, rcond=None)
-    return np.asarray(bins.value_m - design / scale @ solution)
-
-
-def _flights(
-    bins: Bins, zeros: tuple[float, float], solution: Floats, covariance: Floats, white_m: float,
-    into: tuple[int, int], out: tuple[int, int] | None,
-) -> tuple[Flight, Flight | None]:  # fmt: skip
-    made: list[Flight] = []
-    place = 0
-    for side, zero, ends in ((bins.into, zeros[0], into), (~bins.into, zeros[1], out)):
-        if ends is None:
-            continue
-        tau = bins.time_s[side]
-        size = 3 if np.ptp(tau) >= SHORTEST_CURVED_S and side.sum() >= 8 else 2
-        part = slice(place, place + size)
-        made.append(Flight(zero, solution[part], covariance[part, part], white_m, *ends))
-        place += size
-    return made[0], made[1] if len(made) > 1 else None
 
 
 def find_knocks(rest_m: Floats, into: Mask, white_m: float) -> tuple[list[tuple[int, int]], bool]:

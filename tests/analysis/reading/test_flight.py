@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.reading import both_flights
-from analysis.reading.both_flights import _polynomials, _straight_lines, find_knocks, read_flights
+from analysis.reading.both_flights import _polynomials, _unweighted, find_knocks, read_flights
 from analysis.reading.flight import MOST_BINS, Bins, Flight, binned, fit_flight, select
 from analysis.shot.motion import Motion
 from tests.analysis.synthetic_collision import Synthetic, motion_from
@@ -158,12 +158,12 @@ def test_of_eight_bins_a_flight_is_curved_and_of_seven_straight(bins: int) -> No
     assert sizes == ((2, 3) if bins == 7 else (3, 2))
 
 
-def test_straight_lines_leave_the_curvature_of_the_flights() -> None:
+def test_unweighted_leave_the_curvature_of_the_flights() -> None:
     time = np.concatenate([np.linspace(-1e-2, 0.0, 9), np.linspace(0.03, 0.04, 9)])
     value = 3e-4 - 0.2 * time + 1e-9 * np.sin(700.0 * time)
     bins: Any = Bins(time, value, time < 0.01, 5, 1e-4, 1e-10)
     design = np.stack([np.ones(18), time, time**2], axis=1)
-    coefficients, line = _straight_lines(bins, design, (2,))
+    coefficients, line = _unweighted(bins, design, (2,))
     slope, offset = np.polyfit(time, value, 1)
     assert coefficients == pytest.approx([offset, slope, 0.0], rel=1e-9)
     assert line == pytest.approx(offset + slope * time, rel=1e-9)

@@ -10,7 +10,7 @@ from analysis.reading.edges import Edge
 from analysis.reading.flight import Flight
 from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.shot import Floats, Motion, NotSeen, Quantity, Reading
-from analysis.signal import derivative_filters
+from analysis.signal import derivative_filters, stretches
 
 SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md: the smooth pulse is the force low-passed at 100-500 Hz
 SLOPE_SPAN = (0.209, 0.975)  # fractions of the contact: 6 to 28 ms of 28.7, clear of bounces and release
@@ -34,15 +34,12 @@ def with_short_holes_closed(motion: Motion, contact_s: float) -> Motion:
     known = np.isfinite(motion.force_n) & np.isfinite(motion.velocity_m_per_s)
     if known.all() or not known.any():
         return motion
-    edges = np.flatnonzero(np.diff(known.astype(np.int8)))
-    if not known[0]:
-        edges = edges[1:]
     force, step = motion.force_n.copy(), 1.0 / motion.sample_rate_hz
-    for before, last in zip(edges[::2], edges[1::2], strict=False):
-        after, missing = last + 1, last - before
-        if missing * step > max(HOLE_SHARE * contact_s, 2.5 * step):
+    for start, after in stretches(~known):
+        before, missing = start - 1, after - start
+        if start == 0 or after == known.size or missing * step > max(HOLE_SHARE * contact_s, 2.5 * step):
             continue
-        inside = np.arange(before + 1, after)
+        inside = np.arange(start, after)
         line = np.interp(inside, [before, after], [force[before], force[after]])
         impulse = motion.moving_mass_kg * (motion.velocity_m_per_s[after] - motion.velocity_m_per_s[before])
         straight = 0.5 * (force[before] + force[after]) * (after - before) * step

@@ -30,9 +30,7 @@ def check_collision(motion: Motion) -> None:
 
 def _reversed(displacement_m: Floats, noise_m: float) -> bool:
     """Return whether the turn of a displacement, shape (n,), is a maximum instead of a minimum."""
-    known = displacement_m[np.isfinite(displacement_m)]
-    size = max(1, known.size // _BLOCKS)
-    rough = known[: known.size // size * size].reshape(-1, size).mean(axis=1)
+    rough, _ = _means(displacement_m)
     top, bottom = int(np.argmax(rough)), int(np.argmin(rough))
     ends = rough[0], rough[-1]
     inside = 0 < top < rough.size - 1 and bottom in (0, rough.size - 1)
@@ -81,7 +79,12 @@ def describe_motion(motion: Motion) -> str:
 
 def _speed(displacement_m: Floats, rate_hz: float) -> float:
     """Return the flight's speed in m/s in a stretch that also contains the slower contact."""
+    means, size = _means(displacement_m)
+    return float(np.percentile(np.abs(np.diff(means)), 90)) * rate_hz / size if means.size > 1 else 0.0
+
+
+def _means(displacement_m: Floats) -> tuple[Floats, int]:
+    """Return the means of some ``_BLOCKS`` blocks of the known samples, and the number of samples of a block."""
     known = displacement_m[np.isfinite(displacement_m)]
     size = max(1, known.size // _BLOCKS)
-    means = known[: known.size // size * size].reshape(-1, size).mean(axis=1)
-    return float(np.percentile(np.abs(np.diff(means)), 90)) * rate_hz / size if means.size > 1 else 0.0
+    return known[: known.size // size * size].reshape(-1, size).mean(axis=1), size

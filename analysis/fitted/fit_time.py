@@ -11,13 +11,14 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, TypeVar
 
-from analysis.shot import AnalysisError, Cancelled, Stop
+import numpy as np
+
+from analysis.shot import AnalysisError, Cancelled, Floats, Stop
 
 Result = TypeVar("Result")
 
 SECONDS = 20.0  # per shot; a usual fit takes 1 s
 _LOOK_S = 0.02  # interval between checks of the time
-_Times = tuple[float, float]  # elapsed and processor time in s
 
 
 class FitTime:
@@ -35,8 +36,7 @@ class FitTime:
         """Return whether the time is over.  Raises Cancelled if the caller cancelled."""
         if self._cancelled is not None and self._cancelled():
             raise Cancelled
-        spent = min(now - begun for now, begun in zip(self._worked(), self._begun, strict=True))
-        self.over = self.over or spent > self.seconds
+        self.over = self.over or float((self._worked() - self._begun).min()) > self.seconds
         return self.over
 
     @property
@@ -44,12 +44,9 @@ class FitTime:
         return f"no end of the fit after {self.seconds:g} s: the model does not come near, or a unit is wrong"
 
 
-def _now() -> _Times:
-    return time.monotonic(), time.process_time()
-
-
-def _minus(one: _Times, other: _Times) -> _Times:
-    return one[0] - other[0], one[1] - other[1]
+def _now() -> Floats:
+    """Return elapsed and processor time in s, shape (2,)."""
+    return np.array([time.monotonic(), time.process_time()])
 
 
 @cache
@@ -60,7 +57,7 @@ def _compiling() -> Any:
     class Compiling(event.Listener):  # type: ignore[misc]
         def __init__(self) -> None:
             self._lock = threading.Lock()
-            self._open, self._since, self._sum = 0, (0.0, 0.0), (0.0, 0.0)
+            self._open, self._since, self._sum = 0, np.zeros(2), np.zeros(2)
 
         def on_start(self, event: Any) -> None:
             with self._lock:
@@ -71,13 +68,13 @@ def _compiling() -> Any:
         def on_end(self, event: Any) -> None:
             with self._lock:
                 if self._open == 1:
-                    self._sum = _minus(self._sum, _minus(self._since, _now()))
+                    self._sum = self._sum + _now() - self._since
                 self._open = max(0, self._open - 1)
 
-        def uncompiled(self) -> _Times:
+        def uncompiled(self) -> Floats:
             """Return the time not spent on compilation, from an arbitrary zero."""
             with self._lock:
-                return _minus(self._since if self._open else _now(), self._sum)
+                return np.asarray((self._since if self._open else _now()) - self._sum)
 
     counting = Compiling()
     event.register("numba:compile", counting)  # type: ignore[no-untyped-call]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading.flight import SHORTEST_CURVED_S, Bins, Flight, binned, select
-from analysis.reading.floor_spectrum import FloorSpectrum, Octaves, waves_of
+from analysis.reading.floor_spectrum import FloorSpectrum, Octaves
 from analysis.reading.floor_strengths import FlightObservation
 from analysis.reading.vibration_lines import add_line, design_matrix, frequency_derivative, line_of, refined, wave_of
 from analysis.shot import Floats, Motion, VibrationLine
@@ -87,8 +87,8 @@ def read_flights(
     solution, covariance = observation.solve(estimate.weights, estimate.points, design)
     solution[: straight.size] += straight
     white = bins.std_m * np.sqrt(bins.each)
-    parts = tuple(zip(estimate.weights, observation.powers(estimate.points), strict=True))
-    floor = FloorSpectrum(observation.octaves, parts, white, motion.sample_rate_hz)
+    power = np.asarray(sum(w * p for w, p in zip(estimate.weights, observation.powers(estimate.points), strict=True)))
+    floor = FloorSpectrum(observation.octaves, power, white, motion.sample_rate_hz)
     degree = 3 if 2 in drags else 2  # columns of the incoming flight
     first, second = slice(0, degree), slice(degree, polynomials.shape[1])
     plain = np.linalg.inv(polynomials.T @ polynomials) * bins.std_m**2
@@ -124,8 +124,7 @@ def _unweighted(bins: Bins, polynomials: Floats, left_out: tuple[int, ...] = ())
 
 def _observation(bins: Bins, drags: tuple[int, ...]) -> FlightObservation:
     octaves = Octaves.of(bins.time_s, bins.each * bins.step_s)
-    waves = waves_of(bins.time_s - bins.middle_s, bins.each, bins.step_s, octaves.frequency_hz)
-    return FlightObservation(bins.value_m, bins.std_m, drags, octaves, np.hstack(waves))
+    return FlightObservation(bins.value_m, bins.std_m, drags, octaves, np.hstack(bins.waves(octaves.frequency_hz)))
 
 
 def _polynomials(bins: Bins, zeros: tuple[float, float]) -> tuple[Floats, tuple[int, ...]]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.reading.floor_spectrum import waves_of
 from analysis.shot import Floats, Motion
 from analysis.signal import LEAST_NOISE_M, white_noise
 
@@ -95,6 +96,10 @@ class Bins:
     def middle_s(self) -> float:
         """Get the time origin of the waves."""
         return 0.5 * float(self.time_s[0] + self.time_s[-1])
+
+    def waves(self, frequency_hz: Floats) -> tuple[Floats, Floats]:
+        """Return cosines and sines, each (n, f), averaged over the bins."""
+        return waves_of(self.time_s - self.middle_s, self.each, self.step_s, frequency_hz)
 
 
 def binned(motion: Motion, into: tuple[int, int], out: tuple[int, int] | None) -> Bins:

@@ -70,17 +70,17 @@ def waves_of(time_s: Floats, bin_samples: int, step_s: float, frequency_hz: Floa
 
 @dataclass(frozen=True, slots=True)
 class FloorSpectrum:
-    """A mixture of spectra: ``parts`` are (weight, octave powers); ``white_std_m`` is the white noise of one sample."""
+    """The floor's spectrum: ``power`` (k,) of its octaves in (m/s)^2; ``white_std_m`` is one sample's white noise."""
 
     octaves: Octaves
-    parts: tuple[tuple[float, Floats], ...]
+    power: Floats
     white_std_m: float
     sample_rate_hz: float
 
     @property
     def _power(self) -> Floats:
         """Get the mean power at each frequency in m^2, (f,)."""
-        return np.asarray(sum(w * p for w, p in self.parts) @ self.octaves.power_m2)
+        return np.asarray(self.power @ self.octaves.power_m2)
 
     @property
     def shaking(self) -> Shaking:
@@ -112,7 +112,7 @@ class FloorSpectrum:
 
     def psd(self, frequency_hz: Floats) -> Floats:
         """Return the one-sided density of white noise and floor in m^2/Hz."""
-        return np.asarray(self._white + self._moving(frequency_hz))
+        return np.asarray(2.0 * self.white_std_m**2 / self.sample_rate_hz + self._moving(frequency_hz))
 
     def velocity_std_m_per_s(self, at_s: Sequence[float], weights: Sequence[float], bandwidth_hz: float) -> float:
         """Return the std in m/s of a weighted sum of floor velocities at instants, correlated by slow motion."""
@@ -121,9 +121,4 @@ class FloorSpectrum:
         return float(np.sqrt(np.trapezoid((2 * np.pi * f) ** 2 * self._moving(f) * seen, f)))
 
     def _moving(self, frequency_hz: Floats) -> Floats:
-        power = np.asarray(sum(w * p for w, p in self.parts))
-        return self.octaves.density(power, np.maximum(frequency_hz, self.octaves.frequency_hz[0]))
-
-    @property
-    def _white(self) -> float:
-        return 2.0 * self.white_std_m**2 / self.sample_rate_hz
+        return self.octaves.density(self.power, np.maximum(frequency_hz, self.octaves.frequency_hz[0]))

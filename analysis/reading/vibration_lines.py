@@ -6,7 +6,6 @@ import numpy as np
 
 from analysis.compiled import side_by_side, solve_triangle
 from analysis.reading.flight import Bins
-from analysis.reading.floor_spectrum import waves_of
 from analysis.reading.floor_strengths import FlightObservation, FloorEstimate
 from analysis.shot import Floats, Motion, Quantity, VibrationLine
 
@@ -40,19 +39,15 @@ def without_lines(motion: Motion, lines: tuple[VibrationLine, ...]) -> Motion:
     return replace(motion, displacement_m=x, velocity_m_per_s=v, acceleration_m_per_s2=a, force_n=force)
 
 
-def _waves_of(bins: Bins, frequency_hz: Floats) -> tuple[Floats, Floats]:
-    return waves_of(bins.time_s - bins.middle_s, bins.each, bins.step_s, frequency_hz)
-
-
 def _columns(bins: Bins, wave: Wave) -> Floats:
     """Return the columns of cosine, sine and frequency derivative about this wave: (n, 3), each of the order of one."""
     bend, size = frequency_derivative(bins, wave)
-    return np.column_stack([*_waves_of(bins, np.array([wave.frequency_hz])), bend / size])
+    return np.column_stack([*bins.waves(np.array([wave.frequency_hz])), bend / size])
 
 
 def frequency_derivative(bins: Bins, wave: Wave) -> tuple[Floats, float]:
     """Return the derivative of a wave by its frequency, (n, 1) in m/Hz, and the largest of its absolute values."""
-    cosine, sine = _waves_of(bins, np.array([wave.frequency_hz]))
+    cosine, sine = bins.waves(np.array([wave.frequency_hz]))
     bend = 2 * np.pi * (bins.time_s - bins.middle_s)[:, None] * (wave.sine_m * cosine - wave.cosine_m * sine)
     return bend, max(float(np.abs(bend).max()), 1e-300)
 
@@ -116,7 +111,7 @@ def _strongest_line(bins: Bins, observation: FlightObservation, at: Floats, desi
         return np.asarray(rows - regressors @ (here.covariance @ (regressors.T @ rows)))
 
     rest = left_of(white.half[:, 0])
-    both = observation.padded(np.hstack(_waves_of(bins, frequency)))
+    both = observation.padded(np.hstack(bins.waves(frequency)))
     cosine, sine = np.hsplit(left_of(solve_triangle(white.root, both, lower=True)), 2)
     cc, ss, cs = (cosine**2).sum(axis=0), (sine**2).sum(axis=0), (cosine * sine).sum(axis=0)
     c, s = cosine.T @ rest, sine.T @ rest

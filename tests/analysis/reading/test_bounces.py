@@ -170,7 +170,7 @@ def test_bounces_are_looked_for_in_the_first_two_fifths_of_a_contact_and_on_a_st
     octaves = Octaves.of(motion.time_s[::50], 5e-4)
 
     def floor(speed_m_per_s: float) -> FloorSpectrum:
-        return FloorSpectrum(octaves, ((1.0, np.full(octaves.centre_hz.size, speed_m_per_s**2)),), rig.noise_m, 1e5)
+        return FloorSpectrum(octaves, np.full(octaves.centre_hz.size, speed_m_per_s**2), rig.noise_m, 1e5)
 
     still = find_bounces(motion, touch, release, flight, floor(0.0))
     assert still.onsets[0] is touch and not still.disturbed

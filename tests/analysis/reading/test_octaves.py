@@ -62,7 +62,7 @@ def test_octaves_reach_from_a_third_of_a_period_in_the_span_to_what_bins_resolve
 
 
 LEVELS = np.linspace(1.0, 3.0, OCTAVES.centre_hz.size) * 1e-12
-FLOOR = FloorSpectrum(OCTAVES, ((0.25, 2.0 * LEVELS), (0.75, LEVELS)), 3e-10, 1e5)
+FLOOR = FloorSpectrum(OCTAVES, 1.25 * LEVELS, 3e-10, 1e5)
 POWER = 1.25 * LEVELS @ OCTAVES.power_m2  # of each sine
 OMEGA = 2 * np.pi * OCTAVES.frequency_hz
 

@@ -40,8 +40,8 @@ TOUCH, RELEASE = Edge(0.03, 0.0), Edge(0.07, 0.0)
 def floor_of(speed_m_per_s: float = 0.0, white_m: float = RIG.noise_m) -> FloorSpectrum:
     """Return a floor that moves at one speed in every octave."""
     octaves = Octaves.of(TIME_S[::10], 10 / RIG.rate_hz)
-    parts = ((1.0, np.full(octaves.centre_hz.size, speed_m_per_s**2)),)
-    return FloorSpectrum(octaves, parts, white_m, RIG.rate_hz)
+    power = np.full(octaves.centre_hz.size, speed_m_per_s**2)
+    return FloorSpectrum(octaves, power, white_m, RIG.rate_hz)
 
 
 def motion_with(**changes: Any) -> Motion:

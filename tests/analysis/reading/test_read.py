@@ -25,7 +25,7 @@ def still(motion: Motion) -> FloorSpectrum:
     """Return a floor that does not move under a motion of 0.1 nm of white noise."""
     each = max(1, round(0.5e-3 * motion.sample_rate_hz))
     octaves = Octaves.of(motion.time_s[::each], each / motion.sample_rate_hz)
-    return FloorSpectrum(octaves, ((1.0, np.zeros(octaves.centre_hz.size)),), RIG.noise_m, motion.sample_rate_hz)
+    return FloorSpectrum(octaves, np.zeros(octaves.centre_hz.size), RIG.noise_m, motion.sample_rate_hz)
 
 
 def seen(reading: Reading) -> Quantity:

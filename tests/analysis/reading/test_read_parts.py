@@ -41,7 +41,7 @@ OCTAVES = Octaves.of(TIME_S[::5], 5 / RIG.rate_hz)
 
 
 def floor_of(speed_m_per_s: float) -> FloorSpectrum:
-    return FloorSpectrum(OCTAVES, ((1.0, np.full(OCTAVES.centre_hz.size, speed_m_per_s**2)),), 1e-10, RIG.rate_hz)
+    return FloorSpectrum(OCTAVES, np.full(OCTAVES.centre_hz.size, speed_m_per_s**2), 1e-10, RIG.rate_hz)
 
 
 def flights_of(**changes: Any) -> Flights:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading.flight import SHORTEST_CURVED_S, Bins, Flight, binned, select
-from analysis.reading.floor_spectrum import FloorSpectrum, Octaves
-from analysis.reading.floor_strengths import FlightObservation
+from analysis.reading.floor_spectrum import FlightObservation, FloorSpectrum, Octaves
 from analysis.reading.vibration_lines import add_line, design_matrix, frequency_derivative, line_of, refined, wave_of
 from analysis.shot import Floats, Motion, VibrationLine
 

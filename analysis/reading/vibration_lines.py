@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.compiled import side_by_side, solve_triangle
 from analysis.reading.flight import Bins
-from analysis.reading.floor_strengths import FlightObservation, FloorEstimate
+from analysis.reading.floor_spectrum import FlightObservation, FloorEstimate
 from analysis.shot import Floats, Motion, Quantity, VibrationLine
 
 LINE_WORTH = 16.0  # log-likelihood gain required of a line's three parameters, with the floor re-estimated

@@ -3,8 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.reading.floor_spectrum import Octaves, waves_of
-from analysis.reading.floor_strengths import FlightObservation
+from analysis.reading.floor_spectrum import FlightObservation, Octaves, waves_of
 
 Floats = NDArray[np.float64]
 BIN_S, WHITE_M = 5e-4, 2e-11

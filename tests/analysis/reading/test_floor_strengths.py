@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.reading.floor_spectrum import Octaves, waves_of
-from analysis.reading.floor_strengths import FlightObservation, _prior
+from analysis.reading.floor_spectrum import FlightObservation, Octaves, _prior, waves_of
 
 BIN_S, WHITE_M = 5e-4, 2e-11
 TIME_S = np.concatenate([np.arange(0.0, 0.0118, BIN_S), np.arange(0.0412, 0.0595, BIN_S)])

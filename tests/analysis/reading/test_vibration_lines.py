@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.reading.flight import Bins
-from analysis.reading.floor_spectrum import Octaves, waves_of
-from analysis.reading.floor_strengths import FlightObservation
+from analysis.reading.floor_spectrum import FlightObservation, Octaves, waves_of
 from analysis.reading.vibration_lines import (
     Wave,
     _columns,

@@ -13,7 +13,7 @@ from .fitted_shot import (
     unfitted,
     with_fit_to_follow,
 )
-from .kinetic_contact import contact_cor, fitted_contact_cor
+from .readings_from_fit import contact_cor, fitted_contact_cor
 
 __all__ = [
     "SECONDS",

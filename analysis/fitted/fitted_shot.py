@@ -67,7 +67,7 @@ def with_fit(shot: Shot, fit: Fit | None) -> Shot:
 
     Flags, the contact's COR and the effects in the settings are replaced by those of the new fit.
     """
-    from analysis.fitted.kinetic_contact import fitted_contact_cor
+    from analysis.fitted.readings_from_fit import fitted_contact_cor
 
     read = (*(shot.motion.flags if shot.motion else ()), *(shot.impact.flags if shot.impact else ()))
     gone = {FAILED, TO_FOLLOW, *FIT_FLAGS, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
@@ -90,8 +90,7 @@ def read_with(shot: Shot, fit: Fit) -> Shot:
     """
     if shot.impact is None or shot.motion is None or shot.fit is None or is_drive(fit.model):
         return shot
-    from analysis.fitted.kinetic_contact import fitted_contact_cor
-    from analysis.fitted.pulse_from_fit import with_model_readings
+    from analysis.fitted.readings_from_fit import fitted_contact_cor, with_model_readings
 
     kinetic = replace(shot.impact.cor_kinetic, contact=fitted_contact_cor(fit, _mass_kg(shot)))
     impact = replace(shot.impact, cor_kinetic=kinetic)
@@ -136,7 +135,7 @@ def _with_pulse_from_fit(shot: Shot) -> Shot:
     """Return the shot with its pulse read from the fit, if its record is too coarse for derivatives."""
     if shot.impact is None or shot.fit is None or shot.motion is None:
         return shot
-    from analysis.fitted.pulse_from_fit import with_model_readings
+    from analysis.fitted.readings_from_fit import with_model_readings
 
     impact = with_model_readings(shot.impact, shot.fit, shot.motion)
     return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, *impact.flags))))

@@ -9,7 +9,7 @@ import pytest
 from analysis.collision.effects import named
 from analysis.diagnosis.model_file import from_text
 from analysis.fitted.fitted_shot import fit_jointly, read_with, with_fit
-from analysis.fitted.kinetic_contact import fitted_contact_cor
+from analysis.fitted.readings_from_fit import fitted_contact_cor
 from analysis.pipeline import analyse_motion
 from analysis.report import shot_result
 from analysis.shot.shot import AnalysisSettings

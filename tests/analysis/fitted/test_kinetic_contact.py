@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from analysis.collision.effects import named
 from analysis.collision.parameters import PAPER, Collision, Variant
-from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
+from analysis.fitted.readings_from_fit import contact_cor, fitted_contact_cor
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import NotSeen, Quantity
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.fitted.pulse_from_fit import (
+from analysis.fitted.readings_from_fit import (
     HOW,
     _derivatives,
     _first_contact_span,

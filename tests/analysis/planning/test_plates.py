@@ -10,7 +10,7 @@ from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import saved
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
-from analysis.fitted.kinetic_contact import contact_cor, fitted_contact_cor
+from analysis.fitted.readings_from_fit import contact_cor, fitted_contact_cor
 from analysis.inference.fit.base import base_of
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.joint_data import JointData

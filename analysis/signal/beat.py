@@ -186,7 +186,7 @@ class BeatReader:
         self.schedule = schedule
         self.column = column
         turns = schedule.steps / (PHASE_STEPS * tuning.decimation)
-        self._taps = integer_taps(tuning.window, turns, offset_counts)
+        self._taps, self._restore = integer_taps(tuning.window, turns, offset_counts)
         self._need = (BATCH - 1) * tuning.decimation + tuning.length
         self.index = -(-start_sample // tuning.decimation)  # index of the next output
         self._skip = self.index * tuning.decimation - start_sample
@@ -233,7 +233,7 @@ class BeatReader:
         first = self.index
         done, self._filled = _read(
             flat, channels, column, samples, self._buffer, self._filled, self.tuning.decimation, self._need,
-            self._taps.taps, self._taps.restore, self.schedule.steps, self.schedule.batch, self.schedule.nominal, first,
+            self._taps, self._restore, self.schedule.steps, self.schedule.batch, self.schedule.nominal, first,
             self._state, self._sums, self._turn, self._slips, self._phase, self._power,
         )  # fmt: skip
         self.index += done

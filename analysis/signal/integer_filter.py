@@ -6,7 +6,6 @@ exact in any order.  The compiler does not choose this instruction for a loop th
 called by name.
 """
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -63,21 +62,14 @@ def _round(window, turns, room, taps, gains):  # type: ignore[no-untyped-def]
             gains[row, part] = 0.5 / gain
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class IntegerTaps:
-    """Complex band-passes with integer taps, one per oscillator, and the gains that scale their sums back to counts.
+def integer_taps(
+    window: NDArray[np.float64], turns: NDArray[np.float64], offset_counts: float
+) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
+    """Return ``window`` mixed with each oscillator, as integers of the largest scale that cannot overflow, and gains.
 
-    ``taps`` int16 (oscillators, 2, length rounded up to ``WIDTH``): real part, even about the centre, and imaginary
-    part, odd.  ``restore`` float32 (oscillators, 3): the gains of both sums, and the contribution of a constant offset
-    to the first sum; the second sum is unaffected by an offset.
-    """
-
-    taps: NDArray[np.int16]
-    restore: NDArray[np.float32]
-
-
-def integer_taps(window: NDArray[np.float64], turns: NDArray[np.float64], offset_counts: float) -> IntegerTaps:
-    """Return ``window`` mixed with each oscillator, as integers of the largest scale that cannot overflow.
+    Taps int16 (oscillators, 2, length rounded up to ``WIDTH``): real part, even about the centre, and imaginary part,
+    odd.  Gains float32 (oscillators, 3): those that scale the sums of both parts back to counts, and the contribution
+    of a constant offset to the first sum; the second sum is unaffected by an offset.
 
     ``window`` is symmetric with an even number of taps.  ``turns`` (oscillators,) are the oscillators in cycles per
     sample; their phase is zero at the window's centre, so the phase read is the beat's there for any oscillator.
@@ -88,7 +80,7 @@ def integer_taps(window: NDArray[np.float64], turns: NDArray[np.float64], offset
     gains = np.empty((turns.size, 2))
     _round(np.asarray(window).copy(), turns, _MOST - _STRAY * window.size, taps, gains)
     steady = offset_counts * gains[:, :1] * taps[:, 0].sum(axis=1, dtype=np.int64)[:, None]
-    return IntegerTaps(taps, np.concatenate((gains, steady), axis=1).astype(np.float32))
+    return taps, np.concatenate((gains, steady), axis=1).astype(np.float32)
 
 
 def has_multiply_add() -> bool:

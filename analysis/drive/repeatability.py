@@ -27,7 +27,6 @@ class Repeatability:
     force_n: float
     repeats: bool
     what: str
-    cycle_s: float | None = None
 
 
 def repeatability_of(table: Table, found: Regression, noise_n: float) -> Repeatability:
@@ -42,8 +41,7 @@ def repeatability_of(table: Table, found: Regression, noise_n: float) -> Repeata
     if not differences:
         return Repeatability(noise_n, False, "the noise of the force in this band")
     seen = rms(np.concatenate([d - d.mean() for d in differences])) / np.sqrt(2.0)
-    _, _, what, cycle_s = passes[0]
-    return Repeatability(max(seen, noise_n), True, what, cycle_s)
+    return Repeatability(max(seen, noise_n), True, passes[0][2])
 
 
 Pass = tuple[NDArray[np.int64], NDArray[np.int64], str, float | None]  # samples, their repeats, words, cycle in s

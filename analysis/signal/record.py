@@ -127,12 +127,10 @@ def _even(time: Floats, given: dict[str, Floats]) -> tuple[Floats, dict[str, Flo
         start, step = time[0], (time[-1] - time[0]) / (size - 1)
     if size > time.size:
         problems.append("gap")
-        spread = {}
-        for name, column in given.items():
-            spread[name] = np.full(size, np.nan)
-            spread[name][index] = column
-        given = spread
-    return start + step * np.arange(size), {n: c.copy() for n, c in given.items()}, tuple(problems)
+    spread = {name: np.full(size, np.nan) for name in given}
+    for name, column in given.items():
+        spread[name][index] = column
+    return start + step * np.arange(size), spread, tuple(problems)
 
 
 def _interpolated(target: Floats, time: Floats, column: Floats) -> Floats:

@@ -6,6 +6,7 @@ at another frequency, decides among those.  A loss of whole periods leaves PD0 u
 block's displacement during the loss.
 """
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -85,11 +86,9 @@ def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()
     if len(places) > MOST_LOSSES:
         return ()
     found = []
-    for number, at in enumerate(places):
-        first = max(at - SIDE_BLOCKS * block, 0 if number == 0 else (places[number - 1] + at) // 2)
-        last = min(at + SIDE_BLOCKS * block, counts.size)
-        if number + 1 < len(places):
-            last = min(last, (places[number + 1] + at) // 2)
+    bounds = [0, *((one + other) // 2 for one, other in itertools.pairwise(places)), counts.size]
+    for at, low, high in zip(places, bounds[:-1], bounds[1:], strict=False):
+        first, last = max(at - SIDE_BLOCKS * block, low), min(at + SIDE_BLOCKS * block, high)
         gaps = _losses(
             recording.counts[first:last, column], recording.counts[first:last, moving_column], at - first, turns
         )

@@ -66,7 +66,6 @@ class LiveDemodulator:
             raise AnalysisError(str(problem)) from None
         self._sample = 0  # next input sample, lost samples counted
         self._look: list[NDArray[np.int16]] = []
-        self._looked = 0
         self._lines: list[_BeatStream] = []
         self._rest_hz: float | None = None if reference_column is not None else setup.rest_frequency_hz
         self._rest_weight = 0.0
@@ -82,17 +81,15 @@ class LiveDemodulator:
 
     def feed(self, counts: NDArray[np.int16]) -> LiveChunk:
         """Process the next counts, shape (n, channels), and return their output samples."""
+        self._sample += counts.shape[0]
         if self._lines:
-            self._sample += counts.shape[0]
             return self._follow(counts)
         self._look.append(counts.copy())
-        self._looked += counts.shape[0]
-        self._sample += counts.shape[0]
         enough = max(4096, round(LOOK_S * self._rate))
-        if self._looked < enough:
+        if sum(block.shape[0] for block in self._look) < enough:
             return self._nothing()
         seen = np.concatenate(self._look)
-        self._look, self._looked = [], 0
+        self._look = []
         try:
             self._tune(seen[:enough])  # a fixed number, so that the result does not depend on the block size
         except AnalysisError as problem:
@@ -105,7 +102,7 @@ class LiveDemodulator:
     def gap(self, samples_lost: int | None) -> None:
         """Note that samples were lost before the next block; None: number unknown."""
         self._sample += samples_lost or 0
-        self._look, self._looked = [], 0
+        self._look = []
         if self._lines:
             self._restart(self._sample)
             self._pending = None

@@ -75,8 +75,8 @@ def find_cross_talk(
     size = float(np.sqrt(2.0 / BLOCK * np.mean(_squares(products[sound], np.append(taps, 0.0)))))
     if size < REMOVED_ABOVE * amplitude:
         return None
-    blocks = _without(_blocks(reference, moving, starts[sound]), tone)
-    return CrossTalk(taps, size / amplitude, _left_over(blocks, taps, amplitude))
+    blocks = _blocks(reference, moving, starts[sound])
+    return CrossTalk(taps, size / amplitude, _left_over(blocks - (blocks @ tone) @ tone.T, taps, amplitude))
 
 
 def without_cross_talk(reference: NDArray[np.int16], moving: NDArray[np.int16], found: CrossTalk) -> NDArray[np.int16]:
@@ -105,10 +105,6 @@ def _tone(turns: float) -> Floats:
     drift = n / BLOCK  # of the tone's frequency and amplitude
     columns = [wave.real, wave.imag, drift * wave.real, drift * wave.imag, np.ones(BLOCK)]
     return np.asarray(np.linalg.qr(np.stack(columns, axis=1))[0])
-
-
-def _without(blocks: Floats, tone: Floats) -> Floats:
-    return np.asarray(blocks - (blocks @ tone) @ tone.T)
 
 
 def _products(blocks: Floats, tone: Floats) -> Floats:

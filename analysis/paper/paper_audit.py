@@ -39,11 +39,6 @@ class AuditValues:
     words: Mapping[str, float] = field(default_factory=dict)
 
 
-def thickness_from_mass_m(plate: Plate, mass_kg: float) -> float:
-    """Return the thickness in m that gives a plate of this outline its mass."""
-    return plate.thickness_m * mass_kg / plates.mass_kg(plate)
-
-
 def audit_values(rig: PaperRig) -> dict[str, AuditValues]:
     simulated = simulate(rig.collision)
     return _simulation(rig, simulated) | _widths(rig, simulated) | _plate(rig) | _instrument(rig)
@@ -139,7 +134,7 @@ def _widths(rig: PaperRig, run: Simulated) -> dict[str, AuditValues]:
 
 def _plate(rig: PaperRig) -> dict[str, AuditValues]:
     printed, stated, k_p = rig.plate_printed, rig.plate_mass_kg, rig.claims["stiffness"]
-    thickness = thickness_from_mass_m(printed, stated)
+    thickness = printed.thickness_m * stated / plates.mass_kg(printed)  # that gives a plate of this outline its mass
     plate = replace(printed, thickness_m=round(thickness, 4))  # rounded as the paper prints it, to 0.1 mm
     millimetres = {"thickness_mm": plate.thickness_m * 1e3}
     c_paper, c = rig.claims["coefficient_c"], plates.coefficient_c(plate)

@@ -8,12 +8,10 @@ frame's coordinates, used by the equations of motion, minus the frame's accelera
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from instrument.bench.sines import Sines, interpolate_with_slope
+from instrument.bench.sines import Floats, Sines, interpolate_with_slope
 from instrument.bench.site import Knock, Site
 
-Floats = NDArray[np.float64]
 LOWEST_HZ, HIGHEST_HZ = 1.0, 250.0
 BAND_HZ = (8.0, 80.0)  # range in which the criterion curves are constant
 PLATE_QUALITY = 200.0  # of the plate's resonance in air, which the frame excites before the block arrives

@@ -6,16 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from instrument.bench.effects import Effects, force_slots
 from instrument.bench.frame import Frame
 from instrument.bench.mechanics import Bodies, Trajectory, collide
 from instrument.bench.optics import Optics
-from instrument.bench.sines import Sines, interpolate
+from instrument.bench.sines import Floats, Sines, interpolate
 from instrument.bench.site import QUIET
 
-Floats = NDArray[np.float64]
 _LAG_GRID_S = 1e-6
 _NONE: Mapping[str, float] = {}
 

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Channel, Role
 from instrument.bench import counts
+from instrument.bench.counts import Floats
 
-Floats = NDArray[np.float64]
 FLIGHT_NODES_S, HELD_NODES_S = 5e-6, 40e-6  # spacing of the path's nodes; motion of hand and floor is slow
 
 

@@ -4,15 +4,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from instrument.bench.effects import Effects
 from instrument.bench.frame import Frame
 from instrument.bench.measured_path import measured_path, simulate_collision
 from instrument.bench.mechanics import Bodies, Trajectory
-from instrument.bench.sines import interpolate_with_slope
-
-Floats = NDArray[np.float64]
+from instrument.bench.sines import Floats, interpolate_with_slope
 
 HOLD_M = 30e-3  # distance from the plate at which the hand holds the block
 RELEASE_M = 12e-3  # distance from the plate at which the hand releases the block

@@ -12,10 +12,8 @@ from instrument.bench.measured_path import with_cyclic_error
 from instrument.bench.mechanics import Bodies
 from instrument.bench.optics import FLIGHT_NODES_S, HELD_NODES_S, Optics, Path, fill, node_times_s
 from instrument.bench.push import PushedShot, held_block_motion, next_push_time_s, push_duration_s, simulate_push
-from instrument.bench.sines import path_vibration
+from instrument.bench.sines import Floats, path_vibration
 from instrument.bench.site import QUIET, Site
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

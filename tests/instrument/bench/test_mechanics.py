@@ -6,8 +6,7 @@ import pytest
 from instrument.bench import forces as slot
 from instrument.bench.effects import force_slots, parse
 from instrument.bench.frame import Frame
-from instrument.bench.integrator import FrameAcceleration, _step
-from instrument.bench.mechanics import Bodies, collide
+from instrument.bench.mechanics import Bodies, FrameAcceleration, _step, collide
 from instrument.bench.sines import Sines
 from instrument.bench.site import QUIET
 

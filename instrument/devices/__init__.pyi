@@ -1,7 +1,7 @@
 from .device_search import FoundDevice, found_devices, udev_instructions
 from .digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples, usual_settings
 from .doctor import Check, Grade, check_computer
-from .scpi_address import network_name, network_source
+from .scpi import network_name, network_source
 from .source_options import SourceOptions
 from .sources import is_bench, listed_sources, open_source, source_of, source_words, with_push, with_site
 

@@ -79,7 +79,7 @@ SOURCES = (
     ),
     Source(
         "scpi",
-        "devices.scpi_address:open_digitizer",
+        "devices.scpi:open_digitizer",
         "ADDRESS",
         options=("channels", "roles", "trigger", "slope", "level", *RIG),
         finder="devices.device_search:oscilloscopes",

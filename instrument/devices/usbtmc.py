@@ -13,7 +13,7 @@ import usb.core
 
 from instrument.devices import usb_bus
 from instrument.devices.digitizer import DigitizerError
-from instrument.devices.scpi_transport import (
+from instrument.devices.scpi_links import (
     ANSWER_S,
     BLOCK_S,
     MAX_LINE_BYTES,

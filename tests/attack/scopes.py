@@ -10,7 +10,7 @@ from pathlib import Path
 from instrument.capture.headless_acquisition import AcquireError, acquire
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
-from instrument.devices.scpi_socket import SocketTransport
+from instrument.devices.scpi_links import SocketTransport
 from instrument.files.recording_file import read_recording
 from instrument.files.recording_search import find_recordings
 from tests.attack.trial import SURVIVED, Attempt, refused_in_a_line

@@ -6,9 +6,9 @@ from typing import NoReturn
 import pytest
 
 from analysis.shot.recording import Role
-from instrument.devices import scpi_socket, scpi_visa
+from instrument.devices import scpi, scpi_links
 from instrument.devices.digitizer import DigitizerError
-from instrument.devices.scpi_address import _link, network_name, network_source
+from instrument.devices.scpi import _link, network_name, network_source
 from instrument.devices.source_options import SourceOptions
 
 
@@ -54,8 +54,7 @@ def test_an_address_is_reached_over_its_kind_of_link(
     address: str, link: str, given: tuple[object, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[object] = []
-    module = scpi_socket if link == "SocketTransport" else scpi_visa
-    monkeypatch.setattr(module, link, lambda *all_of_it: asked.append(all_of_it))
+    monkeypatch.setattr(scpi, link, lambda *all_of_it: asked.append(all_of_it))
     _link(address)
     assert asked == [given]
     for wrong in ("host:65536", "host:0", "a b", ""):
@@ -73,7 +72,7 @@ def test_without_a_port_those_of_the_makers_are_tried_in_turn(monkeypatch: pytes
     monkeypatch.setattr(socket, "create_connection", refuse)
     for port, tried in ((None, [5025, 5555]), (77, [77])):
         with pytest.raises(DigitizerError) as refusal:
-            scpi_socket.SocketTransport("scope.lab", port)
+            scpi_links.SocketTransport("scope.lab", port)
         assert asked == [(("scope.lab", one), 3.0) for one in tried]
         name = "oscilloscope at scope.lab" + (":77" if port else "")
         assert refusal.value.what == f"{name} does not answer ([Errno 111] refused)"

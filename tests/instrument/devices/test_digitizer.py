@@ -15,7 +15,7 @@ from instrument.devices.digitizer import (
     block_samples,
     usual_settings,
 )
-from instrument.devices.scpi_transport import Stalled
+from instrument.devices.scpi_links import Stalled
 
 ABLE = Capabilities("any", (Channel(Role.MEASUREMENT, 1e-3),), 12, (), None, False, False)
 

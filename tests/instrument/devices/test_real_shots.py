@@ -18,7 +18,7 @@ from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.hantek6022 import Hantek6022
 from instrument.devices.scpi import ScpiOscilloscope
 from instrument.devices.scpi_dialects import RIGOL
-from instrument.devices.scpi_visa import VisaTransport
+from instrument.devices.scpi_links import VisaTransport
 from instrument.devices.sources import open_source
 from instrument.files.recording_file import read_recording
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope

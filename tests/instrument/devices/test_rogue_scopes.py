@@ -10,7 +10,7 @@ from instrument.capture.headless_acquisition import AcquireError, acquire
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
 from instrument.devices.scpi_dialects import ImplausibleAnswer, Scaling
-from instrument.devices.scpi_transport import Deadline
+from instrument.devices.scpi_links import Deadline
 from instrument.files.recording_file import read_recording
 from tests.attack.scopes import BEFORE, RATE_HZ, SAMPLES, Hasty, Mischief, RogueScope
 from tests.instrument.devices.scpi_emulator import EmulatedScope

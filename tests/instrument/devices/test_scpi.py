@@ -28,8 +28,7 @@ from instrument.devices.scpi_dialects import (
     one_two_five,
     short_depth,
 )
-from instrument.devices.scpi_socket import SocketTransport
-from instrument.devices.scpi_transport import Deadline, Stalled, block_start
+from instrument.devices.scpi_links import Deadline, SocketTransport, Stalled, block_start
 from instrument.devices.sources import open_source
 from instrument.devices.triggered_digitizer import HardwareTrigger, Piece
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
@@ -327,8 +326,8 @@ def test_a_command_is_sent_whole_and_has_three_seconds_for_it_whatever_was_recei
         )
         link.write(":SING")
         assert did == [3.0, b":SING\n"]
-        link._receive(0.07)  # and no longer than is asked for what comes
-        assert did[2:] == [0.07, 1 << 18] and link._received == b"ab"
+        link._receive(Deadline(0.07), 5.0, "*IDN?", lambda: False)  # and no longer than is asked for what comes
+        assert did[2:] == [pytest.approx(0.07, abs=0.01), 1 << 18] and link._received == b"ab"
         link._received.clear()
         link._socket = real
         assert link.query("*IDN?").startswith("RIGOL")
@@ -626,7 +625,7 @@ def test_the_head_of_a_block_is_a_hash_the_number_of_its_digits_and_its_length(
 
 def test_a_deadline_passes_and_a_large_block_extends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
-    monkeypatch.setattr("instrument.devices.scpi_transport.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("instrument.devices.scpi_links.time.monotonic", lambda: now[0])
     deadline = Deadline(2.0)
     now[0] = 101.5
     assert deadline.check("scope", "D?") == 0.5

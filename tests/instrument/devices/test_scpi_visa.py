@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from instrument.devices.digitizer import DigitizerError
-from instrument.devices.scpi_transport import Cancelled, Stalled
-from instrument.devices.scpi_visa import VisaTransport
+from instrument.devices.scpi_links import Cancelled, Stalled, VisaTransport
 
 
 class Session:

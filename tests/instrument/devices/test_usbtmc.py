@@ -12,8 +12,8 @@ import usb.core
 from instrument.devices import usb_bus, usbtmc
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
-from instrument.devices.scpi_address import _link as _link_of
-from instrument.devices.scpi_transport import Cancelled, Stalled
+from instrument.devices.scpi import _link as _link_of
+from instrument.devices.scpi_links import Cancelled, Stalled
 from instrument.devices.usbtmc import MAX_REQUEST_BYTES, UsbtmcTransport, find_instruments
 from tests.instrument.devices.scpi_emulator import EmulatedScope
 from tests.instrument.devices.scripted_usb import BulkIn, BulkOut, ClearHalt, In, Plugged, ScriptedUsb

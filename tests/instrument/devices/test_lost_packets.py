@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from instrument.devices.bulk_stream import Chunk
-from instrument.devices.packet_losses import PacketLossFinder
-from instrument.devices.streamed_codes import ByteClock, StreamedCodes
+from instrument.devices.streamed_codes import ByteClock, PacketLossFinder, StreamedCodes
 
 RATE_HZ = 10e6
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from instrument.devices.packet_losses import PacketLossFinder, _steps
+from instrument.devices.streamed_codes import PacketLossFinder, _steps
 
 LIMIT = 0.2
 

@@ -7,7 +7,6 @@ from .atomic_file import (
     write_json_atomic,
     write_text_atomic,
 )
-from .checked_table import CheckedTable
 from .folder_lock import FolderLock, FolderLocked, disk_free_bytes
 from .foreign_file import (
     FOLDER_MAPPING,
@@ -48,7 +47,7 @@ from .recording_file import (
 from .recording_metadata import read_metadata
 from .recording_search import find_recordings, is_motion_record, recording_stem
 from .recording_writer import RecordingWriter, rewrite_note, write_recording
-from .text_file import open_regular, read_json, read_toml, read_toml_text
+from .text_file import CheckedTable, open_regular, read_json, read_toml, read_toml_text
 
 __all__ = [
     "ENDED_EARLY",

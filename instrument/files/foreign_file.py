@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 
 from analysis.shot import Role, Setup
 from instrument.files.atomic_file import write_toml_atomic
-from instrument.files.checked_table import CheckedTable
 from instrument.files.recording_error import RecordingError, shown
 from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
-from instrument.files.text_file import read_toml
+from instrument.files.text_file import CheckedTable, read_toml
 
 Column: TypeAlias = NDArray[np.integer[Any]] | NDArray[np.floating[Any]]
 MOST_SAMPLES = 2**26  # per channel: two seconds at 30 MS/s; a longer file is not a shot

@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from analysis.shot import Floats
 from instrument.files import csv_table
 from instrument.files.atomic_file import write_toml_atomic
-from instrument.files.checked_table import CheckedTable
 from instrument.files.foreign_file import ForeignChannel
 from instrument.files.recording_error import RecordingError, shown
 from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
 from instrument.files.recording_search import TABLES, motion_table
-from instrument.files.text_file import read_text, read_toml
+from instrument.files.text_file import CheckedTable, read_text, read_toml
 
 _MODELS = ("plate", "contact", "driven")
 _COLUMNS = ("time_s", "displacement_m", "velocity_m_per_s", "force_n")

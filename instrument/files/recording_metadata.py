@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from analysis.shot import Air, Channel, Gap, Plate, Role, Setup
-from instrument.files.checked_table import CheckedTable
 from instrument.files.recording_error import shown
-from instrument.files.text_file import read_json
+from instrument.files.text_file import CheckedTable, read_json
 
 SIGMF_VERSION = "1.2.5"
 _EXTENSION = {"name": "lmm", "version": "1.0.0", "optional": True}

@@ -1,4 +1,7 @@
-"""Read JSON, TOML and text files: regular files only, bounded in size, depth and number of values."""
+"""Read JSON, TOML and text files, regular and of bounded size, depth and number of values; check the values read.
+
+Every error names the file, and the key where there is one.
+"""
 
 import json
 import math
@@ -6,17 +9,22 @@ import os
 import re
 import stat
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, fields
+from enum import Enum
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from types import UnionType
+from typing import Any, NoReturn, TypeVar, get_args, get_origin, get_type_hints
 
 from instrument.files.recording_error import FileNotReached, RecordingError, one_line, shown, system_message
+from levimass import setting_of
 
 LARGEST_JSON_BYTES = 16 * 2**20
 LARGEST_TOML_BYTES = 2**20  # smaller than for JSON, as the TOML parser is a thousand times slower
 MOST_VALUES = 400_000  # values in one file: these take less than 0.3 GB of memory
 _MOST_PARTS = 200  # parts of a dotted TOML name; parsing time grows with the square of their number
 _BETWEEN_NAMES = re.compile(r"[,=\n\[\]{}#]")
+_LARGEST = 1e15  # bound of a number in a dataclass field without declared bounds
 
 Value = TypeVar("Value")
 
@@ -111,3 +119,166 @@ def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         twice = next(key for key, _ in pairs if key in seen or seen.add(key))  # type: ignore[func-returns-value]
         raise ValueError(f"the key {shown(twice)} appears twice")
     return whole
+
+
+class CheckedTable:
+    """One JSON object or TOML table with its place in the file.  Every method may raise RecordingError."""
+
+    __slots__ = ("path", "place", "used", "values")
+
+    def __init__(self, path: Path, values: Mapping[str, Any], place: str = "") -> None:
+        self.path = path
+        self.values = values
+        self.place = place
+        self.used: set[str] = set()
+
+    def error_for(self, key: str, cause: str) -> RecordingError:
+        """Return, without raising, the error that ``cause`` makes ``key`` of this object invalid."""
+        return RecordingError(self.path, cause, f"{self.place}.{key}" if self.place else key)
+
+    def get(self, key: str) -> Any:
+        """Return the value or None, and mark the key as read."""
+        self.used.add(key)
+        return self.values.get(key)
+
+    def unread(self) -> dict[str, Any]:
+        """Return the values that were not read, so that they can be written back."""
+        return {key: value for key, value in self.values.items() if key not in self.used}
+
+    def number(self, key: str, low: float, high: float) -> float | None:
+        """Return a finite number in [low, high], None if the key is missing."""
+        value = self.get(key)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise self.error_for(key, f"{shown(value)} is not a number")
+        try:
+            real = float(value)
+        except OverflowError:
+            real = math.inf
+        if not math.isfinite(real) or not low <= real <= high:
+            raise self.error_for(key, f"{shown(value)} is not from {low:g} to {high:g}")
+        return real
+
+    def required(self, key: str, low: float, high: float) -> float:
+        """Return a finite number in [low, high]; a missing key is an error."""
+        value = self.number(key, low, high)
+        if value is None:
+            raise self.error_for(key, "missing")
+        return value
+
+    def whole(self, key: str, low: int, high: int) -> int | None:
+        """Return a whole number in [low, high], None if the key is missing; 5.0 counts as 5."""
+        value = self.get(key)
+        if value is None:
+            return None
+        if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
+            value = int(value)
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise self.error_for(key, f"{shown(value)} is not a whole number")
+        if not low <= value <= high:
+            raise self.error_for(key, f"{shown(value)} is not from {low} to {high}")
+        return value
+
+    def text(self, key: str, longest: int = 10_000) -> str | None:
+        """Return a string, None if the key is missing."""
+        value = self.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, str):
+            raise self.error_for(key, f"{shown(value)} is not text")
+        if len(value) > longest:
+            raise self.error_for(key, f"longer than {longest} characters")
+        return value
+
+    def object(self, key: str) -> "CheckedTable | None":
+        """Return the object under ``key``, None if it is missing."""
+        value = self.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, dict):
+            raise self.error_for(key, f"{shown(value)} is not an object")
+        return CheckedTable(self.path, value, f"{self.place}.{key}" if self.place else key)
+
+    def required_object(self, key: str) -> "CheckedTable":
+        """Return the object under ``key``; a missing one is an error."""
+        found = self.object(key)
+        if found is None:
+            raise self.error_for(key, "missing")
+        return found
+
+    def objects(self, key: str) -> "list[CheckedTable] | None":
+        """Return the list of objects under ``key``, None if it is missing."""
+        value = self.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, list):
+            raise self.error_for(key, f"{shown(value)} is not a list")
+        place = f"{self.place}.{key}" if self.place else key
+        checked = []
+        for index, item in enumerate(value):
+            if not isinstance(item, dict):
+                raise self.error_for(f"{key}[{index}]", f"{shown(item)} is not an object")
+            checked.append(CheckedTable(self.path, item, f"{place}[{index}]"))
+        return checked
+
+    def names(self, key: str, kind: type = str) -> tuple[Any, ...]:
+        """Return the texts (or whole numbers) listed under ``key``; empty if it is missing."""
+        values = self.get(key)
+        if values is None:
+            return ()
+        if not isinstance(values, list) or not all(type(value) is kind for value in values):
+            raise self.error_for(key, f"not a list of {'names' if kind is str else 'numbers'}")
+        return tuple(values)
+
+    def read_dataclass(
+        self, kind: type[Value], own: Mapping[str, Callable[["CheckedTable"], Any]] | None = None
+    ) -> Value:
+        """Return a dataclass with the values of this object, each checked against its field's type and declaration.
+
+        A missing key keeps the field's default; without a default it is an error.  ``own`` maps field names to
+        functions that read these fields.
+        """
+        types, own, values = get_type_hints(kind), own or {}, {}
+        for field in fields(kind):  # type: ignore[arg-type]
+            name = field.name
+            if name in own:
+                values[name] = own[name](self)
+            elif self.get(name) is not None:
+                values[name] = self._typed(name, types[name])
+                setting = setting_of(field)
+                try:
+                    if setting is not None:
+                        setting.check(values[name])
+                except ValueError as error:
+                    raise self.error_for(name, str(error)) from None
+            elif field.default is MISSING and field.default_factory is MISSING:
+                if type(None) not in get_args(types[name]):
+                    raise self.error_for(name, "missing")
+                values[name] = None
+        return kind(**values)
+
+    def _typed(self, name: str, kind: Any) -> Any:
+        """Return the value under ``name`` as the type of its field."""
+        if get_origin(kind) is UnionType:  # a type or None, which stands for a missing key
+            kind = next(part for part in get_args(kind) if part is not type(None))
+        if get_origin(kind) is tuple:
+            return self.names(name, get_args(kind)[0])
+        if kind is bool:
+            if not isinstance(self.values[name], bool):
+                raise self.error_for(name, f"{shown(self.values[name])} is neither true nor false")
+            return self.values[name]
+        if kind is float:
+            return self.number(name, -_LARGEST, _LARGEST)
+        if kind is int:
+            return self.whole(name, 1, 2**31)
+        if isinstance(kind, type) and issubclass(kind, Enum):
+            try:
+                return kind(self.values[name])
+            except ValueError:
+                raise self.error_for(
+                    name, f"{shown(self.values[name])} is none of {', '.join(map(str, kind))}"
+                ) from None
+        if kind is str:
+            return self.text(name)
+        return self.required_object(name).read_dataclass(kind)

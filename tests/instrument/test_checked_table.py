@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from instrument.files.atomic_file import write_json_atomic, write_toml_atomic
-from instrument.files.checked_table import CheckedTable
 from instrument.files.recording_error import RecordingError
+from instrument.files.text_file import CheckedTable
 
 PATH = Path("a.toml")
 

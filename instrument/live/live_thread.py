@@ -1,5 +1,6 @@
 """The thread that demodulates the running stream for the screen, checks its signals, and measures the site at rest."""
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -96,15 +97,11 @@ class LiveThread:
             self._draw(newest)
         if newest.ring.total - newest.start >= 64 and now - self._signals_s > 0.9 * _SIGNALS_EVERY_S:
             self._signals_s = now
-            length = min(CHECKED_SAMPLES, newest.ring.total - newest.start)
-            counts = np.empty((length, newest.ring.channels), np.int16)
-            try:
-                newest.ring.copy_into(newest.ring.total - length, counts)
-            except Overwritten:
-                return
-            self.channels = check_signals(
-                counts, newest.channels, newest.settings.sample_rate_hz, newest.setup.digitizer_bits
-            )
+            with contextlib.suppress(Overwritten):
+                counts, _ = newest.newest(CHECKED_SAMPLES)
+                self.channels = check_signals(
+                    counts, newest.channels, newest.settings.sample_rate_hz, newest.setup.digitizer_bits
+                )
 
     def _begin(self, stream: Stream) -> None:
         self._stream = stream
@@ -141,29 +138,25 @@ class LiveThread:
             if gap is not None:
                 stop = gap[0]
             try:
-                fed = self._feed(ring, stop - self._at)
+                self._feed(ring, stop - self._at)
             except Overwritten:
                 self._skip_to(ring.total - self._most // 4)
                 continue
             moved = True
-            self._at += fed
-            if gap is not None and self._at == stop:
+            self._at = stop
+            if gap is not None:
                 self._gaps_seen = gap[0]
                 self._demodulator.gap(gap[1])
         return moved
 
-    def _feed(self, ring: Ring, most: int) -> int:
-        """Demodulate at most ``most`` samples in place in the ring; return their number.  Raises Overwritten."""
+    def _feed(self, ring: Ring, length: int) -> None:
+        """Demodulate the next ``length`` samples.  Raises Overwritten."""
         assert self._demodulator is not None and self._stream is not None
-        if most == 0:
-            return 0
-        counts = ring.view(self._at, most)
+        if length == 0:
+            return
+        counts = np.empty((length, ring.channels), np.int16)
+        ring.copy_into(self._at, counts)
         chunk = self._demodulator.feed(counts)
-        if self._at < ring.oldest:  # the writer replaced some of them in the meantime
-            self.skipped += counts.shape[0]
-            self._at += counts.shape[0]
-            self._demodulator.gap(0)
-            raise Overwritten
         self._problem = chunk.problem
         self._window.add(chunk)
         rate_hz = self._demodulator.rate_hz
@@ -171,7 +164,6 @@ class LiveThread:
             self._rest = RestWatch(rate_hz, planned_shot(self._stream.settings))
         if self._rest is not None:
             self._rest.add(chunk)
-        return int(counts.shape[0])
 
     def _skip_to(self, sample: int) -> None:
         skipped = max(0, sample - self._at)
@@ -182,17 +174,13 @@ class LiveThread:
             self._demodulator.gap(skipped)
 
     def _draw(self, stream: Stream) -> None:
-        ring = stream.ring
-        length = min(RAW_SAMPLES, ring.total - stream.start)
-        counts = np.empty((length, ring.channels), np.int16)
-        first = ring.total - length
         try:
-            ring.copy_into(first, counts)
+            counts, first = stream.newest(RAW_SAMPLES)
         except Overwritten:
             return
         scale = np.array([c.volts_per_count for c in stream.channels], np.float32)
         offset = np.array([c.offset_v for c in stream.channels], np.float32)
-        time_s = (first - stream.start + np.arange(length)) / stream.settings.sample_rate_hz
+        time_s = (first - stream.start + np.arange(len(counts))) / stream.settings.sample_rate_hz
         view = self._window.view(time_s, counts * scale + offset, self._problem, self.skipped)
         self.view = replace(view, floor=self._rest.floor if self._rest is not None else None)
 

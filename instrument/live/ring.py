@@ -21,8 +21,6 @@ class Ring:
     """
 
     def __init__(self, capacity: int, channels: int) -> None:
-        if capacity < 1 or channels < 1:
-            raise ValueError(f"a ring of {capacity} samples and {channels} channels holds nothing")
         self._counts = np.zeros((capacity, channels), np.int16)
         self._total = 0
         self._claimed = 0  # end of the part that the writer may be changing now
@@ -55,19 +53,15 @@ class Ring:
 
     def commit(self, samples: int) -> None:
         """Count the first ``samples`` of the last ``space`` as written."""
-        if not 0 <= samples <= self._claimed - self._total:
-            raise ValueError(f"{samples} samples do not fit the {self._claimed - self._total} that were claimed")
         self._total += samples
         self._claimed = self._total
 
     def copy_into(self, start: int, out: NDArray[np.int16]) -> None:
         """Fill ``out``, shape (n, channels), with samples ``start`` ... ``start + n - 1``.
 
-        Raises Overwritten if the writer has replaced some of them, ValueError for samples not written yet.
+        All of them must have been written.  Raises Overwritten if the writer has replaced some since.
         """
         length = out.shape[0]
-        if start < 0 or start + length > self._total:
-            raise ValueError(f"samples {start} to {start + length} of {self._total}")
         if start < self.oldest:
             raise Overwritten
         at = start % self.capacity
@@ -76,20 +70,6 @@ class Ring:
         out[first:] = self._counts[: length - first]
         if start < self.oldest:  # the writer replaced some during the copy
             raise Overwritten
-
-    def view(self, start: int, most: int) -> NDArray[np.int16]:
-        """Return samples ``start`` ... in place, as many as follow without a wrap, at most ``most``; read-only.
-
-        They are valid if ``start`` is still not before ``oldest`` after their use.  Raises as ``copy_into``.
-        """
-        if start < 0 or start >= self._total:
-            raise ValueError(f"sample {start} of {self._total}")
-        if start < self.oldest:
-            raise Overwritten
-        at = start % self.capacity
-        seen = self._counts[at : at + min(most, self._total - start, self.capacity - at)]
-        seen.flags.writeable = False
-        return seen
 
 
 @dataclass(slots=True)
@@ -110,10 +90,18 @@ class Stream:
 
     def column(self, role: Role) -> int | None:
         """Return the channel index that carries ``role``, or None."""
-        for index, channel in enumerate(self.channels):
-            if channel.role is role:
-                return index
-        return None
+        return next((index for index, channel in enumerate(self.channels) if channel.role is role), None)
+
+    def newest(self, most: int) -> tuple[NDArray[np.int16], int]:
+        """Return a copy of the newest samples, at most ``most``, and the ring number of the first.
+
+        Raises Overwritten.
+        """
+        total = self.ring.total
+        counts = np.empty((min(most, total - self.start), self.ring.channels), np.int16)
+        first = total - len(counts)
+        self.ring.copy_into(first, counts)
+        return counts, first
 
     def note_loss(self, at: int, samples: int | None) -> None:
         """Note that samples were lost before ring number ``at``."""

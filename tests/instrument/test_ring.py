@@ -31,20 +31,14 @@ def test_any_cutting_gives_the_same_samples() -> None:
         np.testing.assert_array_equal(out, numbered(start, total - start))
 
 
-def test_what_is_gone_or_not_yet_there_is_said() -> None:
+def test_what_is_gone_is_said() -> None:
     ring = Ring(10, 1)
     append(ring, numbered(0, 25, 1))
     with pytest.raises(Overwritten):
         ring.copy_into(14, np.empty((2, 1), np.int16))
-    with pytest.raises(ValueError, match="of 25"):
-        ring.copy_into(20, np.empty((6, 1), np.int16))
     ring.space(3)  # samples that are being replaced count as gone before they are
     with pytest.raises(Overwritten):
         ring.copy_into(15, np.empty((2, 1), np.int16))
-    with pytest.raises(ValueError):
-        ring.commit(4)
-    with pytest.raises(ValueError):
-        Ring(0, 1)
 
 
 def test_a_reader_never_sees_a_sample_half_replaced() -> None:
@@ -63,10 +57,12 @@ def test_a_reader_never_sees_a_sample_half_replaced() -> None:
     seen = 0
     try:
         while seen < 300:
-            start = max(0, ring.total - 3_000)
+            start = ring.total - 3_000
+            if start < 0:
+                continue
             try:
                 ring.copy_into(start, out)
-            except (Overwritten, ValueError):
+            except Overwritten:
                 continue
             np.testing.assert_array_equal(out, numbered(start, 2_048))
             seen += 1
@@ -122,24 +118,15 @@ def test_what_the_writer_replaces_during_the_copy_is_said() -> None:
     np.testing.assert_array_equal(out, numbered(6, 5, 1))
 
 
-def test_samples_in_place_end_at_the_wrap_cannot_be_written_and_are_refused_once_gone() -> None:
+def test_the_newest_samples_of_a_stream_are_its_own_and_where_they_begin_is_said() -> None:
     ring = Ring(10, 1)
     append(ring, numbered(0, 14, 1))
-    np.testing.assert_array_equal(ring.view(6, 100), numbered(6, 4, 1))  # up to the wrap
-    np.testing.assert_array_equal(ring.view(10, 3), numbered(10, 3, 1))
-    np.testing.assert_array_equal(ring.view(12, 9), numbered(12, 2, 1))  # what is not written yet is not shown
-    with pytest.raises(ValueError, match="read-only"):
-        ring.view(12, 1)[:] = 0
-    fresh = Ring(10, 1)
-    append(fresh, numbered(0, 3, 1))
-    np.testing.assert_array_equal(fresh.view(0, 9), numbered(0, 3, 1))
-    for at in (-1, 3):
-        with pytest.raises(ValueError, match=f"sample {at} of 3"):
-            fresh.view(at, 1)
-    with pytest.raises(ValueError, match="sample 14 of 14"):
-        ring.view(14, 1)
+    stream = Stream(ring, 11, CaptureSettings(1e6, 500, 10), (), Setup(17.85e-3), "bench")
+    for most, first in ((9, 11), (2, 12)):
+        counts, begin = stream.newest(most)
+        np.testing.assert_array_equal(counts, numbered(first, 14 - first, 1))
+        assert begin == first
+    stream.start = 5  # of which the writer replaces some meanwhile
+    ring.space(8)
     with pytest.raises(Overwritten):
-        ring.view(3, 1)
-    ring.space(2)
-    with pytest.raises(Overwritten):
-        ring.view(5, 1)
+        stream.newest(9)

@@ -4,7 +4,7 @@ Each format has a reader module: ``csv_table``, ``foreign_hdf5``, ``foreign_tdms
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -145,13 +145,11 @@ def write_mapping(mapping: ForeignMapping, path: Path) -> None:
         "sample_rate_hz": mapping.sample_rate_hz,
         "trigger_sample": mapping.trigger_sample,
         "channels": {
-            str(channel.role): {
-                "name": channel.name, "volts_per_unit": channel.volts_per_unit, "offset_v": channel.offset_v,
-            }
+            str(channel.role): {key: value for key, value in asdict(channel).items() if key != "role"}
             for channel in mapping.channels
         },
         "setup": setup_json(mapping.setup),
-    }  # fmt: skip
+    }
     write_toml_atomic(path, table, _HEAD)
 
 

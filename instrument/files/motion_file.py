@@ -31,6 +31,7 @@ LENGTHS_M = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 TABLE = ".csv"  # the only extension of another program's table
 MODELS = ("contact", "plate")  # models for a motion record without a measured force
 _MICRO = str.maketrans("\u00b5\u03bc\ufffd", "uuu")  # the last one replaces a micro sign in another encoding
+_HEAD = "How Levimass reads the table of this name. Numbers are SI; unit is that of the column."
 _LENGTH_SUFFIX = re.compile(r"_(m|mm|.m)$")
 
 
@@ -92,9 +93,21 @@ def save_columns(table: Path, columns: MotionColumns) -> Path:
 
     Raises RecordingError, and leaves no change, if the table cannot be read with it.
     """
-    about = _columns_path(table)
+    if table.suffix.lower() != TABLE:
+        raise RecordingError(table, f"only a {TABLE} can be read as a displacement")
+    about = table.with_suffix(".toml")
+    if about.exists() and "columns" not in read_toml(about):
+        raise RecordingError(about, "is there already and describes this table; it is not overwritten")
     before = about.read_bytes() if about.exists() else None
-    _write_columns(columns, about)
+    written = {
+        "model": columns.model,
+        "moving_mass_kg": columns.moving_mass_kg,
+        "columns": {
+            "sample_rate_hz": columns.sample_rate_hz,
+            "displacement": {"name": columns.displacement, "unit": columns.unit},
+        },
+    }
+    write_toml_atomic(about, written, _HEAD)
     try:
         read_motion(table)
     except RecordingError:
@@ -122,30 +135,6 @@ def _mapped_columns(table: Path, columns: CheckedTable) -> dict[str, NDArray[np.
     csv_table.contents(table).channel(name)
     time_s, values = csv_table.timed_column(table, name, columns.number("sample_rate_hz", *RATES_HZ))
     return {"time_s": time_s, "displacement_m": values * LENGTHS_M[unit]}
-
-
-def _columns_path(table: Path) -> Path:
-    """Return the path of the .toml for a table's columns.  Raises RecordingError if it must not be written."""
-    if table.suffix.lower() != TABLE:
-        raise RecordingError(table, f"only a {TABLE} can be read as a displacement")
-    about = table.with_suffix(".toml")
-    if about.exists() and "columns" not in read_toml(about):
-        raise RecordingError(about, "is there already and describes this table; it is not overwritten")
-    return about
-
-
-def _write_columns(columns: MotionColumns, about: Path) -> None:
-    """Write the .toml of a motion record with its ``[columns]``.  Raises RecordingError."""
-    table = {
-        "model": columns.model,
-        "moving_mass_kg": columns.moving_mass_kg,
-        "columns": {
-            "sample_rate_hz": columns.sample_rate_hz,
-            "displacement": {"name": columns.displacement, "unit": columns.unit},
-        },
-    }
-    head = "How Levimass reads the table of this name. Numbers are SI; unit is that of the column."
-    write_toml_atomic(about, table, head)
 
 
 def _columns(table: Path) -> dict[str, Floats]:

@@ -111,16 +111,13 @@ def hash_matches(recording: Recording, sha512: str, cancelled: Callable[[], bool
 
 def _refuse_outside_link(data: Path) -> None:
     """Raise RecordingError for a link that leads outside the recording's folder."""
+    meta, _ = recording_files(data)
     try:
-        if data.is_symlink() and data.resolve().parent not in (data.parent.resolve(), _real_folder(data)):
+        # links of both files into the same other folder are allowed
+        if data.is_symlink() and data.resolve().parent not in (data.parent.resolve(), meta.resolve().parent):
             raise RecordingError(data, "a link to outside the recording's folder; copy the file here instead")
     except (OSError, RuntimeError) as error:
         raise RecordingError(data, f"a link that leads nowhere ({error})") from None
-
-
-def _real_folder(data: Path) -> Path:
-    # links of both files into the same other folder are allowed
-    return data.with_name(data.name.removesuffix(".sigmf-data") + ".sigmf-meta").resolve().parent
 
 
 def _samples(data: Path, channels: int) -> tuple[NDArray[np.int16], int]:

@@ -116,12 +116,8 @@ def _ni_places() -> list[str]:
         import winreg
 
         return _ni_in_registry(winreg)
-    return _ni_in_sys(_PCI)
-
-
-def _ni_in_sys(pci: Path) -> list[str]:
     found = []
-    for entry in sorted(pci.glob("*/vendor")):
+    for entry in sorted(_PCI.glob("*/vendor")):
         with contextlib.suppress(OSError):
             if entry.read_bytes().strip().lower() == _NI_VENDOR:
                 found.append(entry.parent.name)

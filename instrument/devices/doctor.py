@@ -63,13 +63,15 @@ def _python() -> list[Check]:
 
 
 def _packages() -> list[Check]:
-    checks = []
-    for name in ("numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "pyqtgraph", "pyusb"):
-        try:
-            checks.append(Check(name, Grade.OK, importlib.metadata.version(name)))
-        except importlib.metadata.PackageNotFoundError:
-            checks.append(Check(name, Grade.FAIL, "not installed: reinstall Levimass"))
-    return checks
+    names = ("numpy", "scipy", "numba", "llvmlite", "PySide6-Essentials", "pyqtgraph", "pyusb")
+    return [_package(name, Grade.FAIL, "not installed: reinstall Levimass") for name in names]
+
+
+def _package(name: str, grade_if_missing: Grade, line_if_missing: str) -> Check:
+    try:
+        return Check(name, Grade.OK, importlib.metadata.version(name))
+    except importlib.metadata.PackageNotFoundError:
+        return Check(name, grade_if_missing, line_if_missing)
 
 
 def _usb_library(backend: Any) -> list[Check]:
@@ -122,10 +124,7 @@ def _drivers() -> list[Check]:
     except (DigitizerError, importlib.metadata.PackageNotFoundError) as error:
         remedy = getattr(error, "remedy", "")
         card = Check("niscope", Grade.OK, f"not installed, needed for NI cards only; {remedy}")
-    try:
-        visa = Check("pyvisa", Grade.OK, importlib.metadata.version("pyvisa"))
-    except importlib.metadata.PackageNotFoundError:
-        visa = Check("pyvisa", Grade.OK, "not installed, needed for VXI-11, HiSLIP and GPIB only")
+    visa = _package("pyvisa", Grade.OK, "not installed, needed for VXI-11, HiSLIP and GPIB only")
     return [hantek, card, visa]
 
 

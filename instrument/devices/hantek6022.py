@@ -32,7 +32,7 @@ _EEPROM, _GAIN_1, _GAIN_2, _RATE, _RUN, _CHANNELS = 0xA2, 0xE0, 0xE1, 0xE2, 0xE3
 _RATES_OPENHANTEK = {1e5: 110, 2e5: 120, 5e5: 150} | {m * 1e6: m for m in (1, 2, 3, 4, 5, 6, 8, 10, 12, 15)}
 _RATES_SIGROK = {1e5: 10, 2e5: 20, 5e5: 50} | {m * 1e6: m for m in (1, 2, 4, 8, 12)}
 
-_EASY_HZ = 12e6  # two channels at 15 MS/s nearly exhaust USB 2.0
+_EASY_HZ = 12e6  # preferred up to here, as two channels at 15 MS/s nearly exhaust USB 2.0
 
 StreamMaker = Callable[[Any, int, float, str], BulkStream]
 
@@ -82,7 +82,7 @@ class Hantek6022(Digitizer):
             name=NAME,
             channels=tuple(channel_of(self._roles[n], gain, n, self._eeprom) for n, gain in enumerate(self._gains)),
             bits=8,
-            rates_hz=tuple(sorted(self._rates, key=_preference)),
+            rates_hz=tuple(sorted(self._rates, key=lambda rate: (rate > _EASY_HZ, -rate))),
             max_samples=None,
             hardware_trigger=False,
             real_time=True,
@@ -211,11 +211,6 @@ class Hantek6022(Digitizer):
         device, self._device = self._device, None
         if device is not None:
             usb_bus.release(device)
-
-
-def _preference(rate_hz: float) -> tuple[bool, float]:
-    """Return the sorting key of a rate: the fastest easy rate first, the difficult rates last."""
-    return rate_hz > _EASY_HZ, -rate_hz
 
 
 def open_digitizer(_: str, options: SourceOptions) -> Hantek6022:

@@ -145,10 +145,9 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
         """Read the scales, which some instruments know only after a shot.  Raises ImplausibleAnswer."""
         try:
             self._read_scales()
-        except ImplausibleAnswer:
-            raise
-        except DigitizerError:
-            return
+        except DigitizerError as error:
+            if isinstance(error, ImplausibleAnswer):
+                raise
 
     def _read_scales(self) -> None:
         for n in self._roles:

@@ -67,10 +67,8 @@ class SourceOptions:
 
     def assigned(self, channels: Sequence[Any]) -> dict[Any, Role]:
         """Return the role of each channel."""
-        usual = (
-            ",".join(("reference", "measurement", "switch")[: len(channels)]) if len(channels) > 1 else "measurement"
-        )
-        roles = self.roles(usual)
+        usual = ("reference", "measurement", "switch")[: len(channels)] if len(channels) > 1 else ("measurement",)
+        roles = self.roles(",".join(usual))
         if len(roles) != len(channels) or len(set(channels)) != len(channels):
             raise DigitizerError("channels and roles must name each channel once and be equally many")
         return dict(zip(channels, roles, strict=True))

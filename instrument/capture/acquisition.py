@@ -85,7 +85,7 @@ TIMED_OUT: Mapping[State, tuple[str, str]] = MappingProxyType(
 
 @dataclass(frozen=True, slots=True)
 class Deadlines:
-    """The longest wait without progress in each state, in s."""
+    """The longest wait without progress in each state, in s; each field is named after its state."""
 
     armed_s: float = 3600.0
     triggered_s: float = 60.0
@@ -94,13 +94,7 @@ class Deadlines:
 
     def of(self, state: State) -> float | None:
         """Return the longest wait in ``state``; None for a state without a deadline."""
-        waits = {
-            _S.ARMED: self.armed_s,
-            _S.TRIGGERED: self.triggered_s,
-            _S.TRANSFERRING: self.transferring_s,
-            _S.ANALYSING: self.analysing_s,
-        }
-        return waits.get(state)
+        return getattr(self, f"{state}_s", None)
 
 
 @dataclass(frozen=True, slots=True)

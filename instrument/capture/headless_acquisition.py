@@ -25,10 +25,6 @@ class AcquireError(Exception):
         self.saved = saved
 
 
-class _Failed(Exception):
-    """The reason why no further shot comes, in one line."""
-
-
 def acquire(
     digitizer: Digitizer,
     out: Path,
@@ -67,7 +63,7 @@ def acquire(
                 saved.append(shot.path)
                 cut = f" ({shot.problem})" if shot.problem else ""
                 report(f"shot {number + 1} of {shots}: {shot.path}{cut}")
-    except _Failed as failed:
+    except AcquireError as failed:
         now = capture.latest()  # after close: a shot in progress is saved, or only in memory
         saved += [shot.path for shot in now.finished if shot.path is not None and shot.path not in saved]
         what = f"{now.message}: {_rescued(capture)}" if now.unsaved else str(failed)
@@ -96,7 +92,7 @@ def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str]) -> 
             if shot.index >= index and shot.path is not None and now.state is State.IDLE:
                 return shot
         if now.state is State.FAULT:
-            raise _Failed(faults[-1] if faults else now.message)
+            raise AcquireError(faults[-1] if faults else now.message, [])
         if now.state is State.IDLE and now.message:
-            raise _Failed(f"{now.message} ({timeout_s:g} s): {now.remedy}")
+            raise AcquireError(f"{now.message} ({timeout_s:g} s): {now.remedy}", [])
         time.sleep(_LOOK_S)

@@ -71,12 +71,9 @@ class BlockReady:
     device: DeviceState | None = None  # when the stream ends: the next shot may have other capabilities
 
 
-def most_blocks(system: str) -> int:
-    """Return how many announced blocks may be unread on a system (``sys.platform``): the capacity of its pipe."""
-    return 200 if system == "linux" else 40  # Windows: 8 KiB, macOS: 16, Linux: 64
-
-
-MOST_BLOCKS = most_blocks(sys.platform)
+# how many announced blocks may be unread: the capacity of the pipe, on Linux 64 KiB, on macOS 16, on Windows 8
+MOST_BLOCKS_LINUX, MOST_BLOCKS_ELSEWHERE = 200, 40
+MOST_BLOCKS = MOST_BLOCKS_LINUX if sys.platform == "linux" else MOST_BLOCKS_ELSEWHERE
 
 
 def serve(opener: Opener, orders: Connection, answers: Connection) -> None:

@@ -116,11 +116,9 @@ class Acquisition:
     clock: Callable[[], float]
     deadlines: Deadlines = field(default_factory=Deadlines)
     status: Status = field(init=False)
-    _last_s: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self._last_s = self.clock()
-        self.status = Status(State.IDLE, self._last_s, None)
+        self.status = Status(State.IDLE, self.clock(), None)
 
     def handle(self, event: Event, message: str = "", remedy: str = "", *, automatic: bool = False) -> Action:
         """Process an event; return the required action.  ``automatic``, with ARM only: re-arm after each shot."""
@@ -130,7 +128,6 @@ class Acquisition:
             return Action.NONE
         state, action = entry
         now = self.clock()
-        self._last_s = now
         still_automatic = before.automatic and state not in (State.IDLE, State.FAULT)
         rearm = automatic if event is Event.ARM else still_automatic
         if event is Event.FAIL and before.state is State.FAULT:
@@ -152,15 +149,8 @@ class Acquisition:
 
     def tick(self) -> Action:
         """Process TIMEOUT if the deadline has passed; return the required action.  Call often."""
-        now = self.clock()
         status = self.status
-        if now < self._last_s and status.deadline_s is not None:
-            # a clock set back must not lengthen a wait
-            back = self._last_s - now
-            status = replace(status, since_s=status.since_s - back, deadline_s=status.deadline_s - back)
-            self.status = status
-        self._last_s = now
-        if status.deadline_s is None or now < status.deadline_s:
+        if status.deadline_s is None or self.clock() < status.deadline_s:
             return Action.NONE
         message, remedy = TIMED_OUT[status.state]
         return self.handle(Event.TIMEOUT, message, remedy)

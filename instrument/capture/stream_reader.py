@@ -163,8 +163,6 @@ class StreamReader:
         if block.fired and block.samples == 0:
             return ReadBlock(view[:0], first, 0, None, block.ended, fired=True)
         if block.samples == 0 and not block.ended:
-            if now < self._received_s:
-                self._received_s = now  # a clock set back must not hide a stall for long
             if not self.hardware_trigger and not self.simulated and now - self._received_s > STALL_S:
                 raise self._stalled()
             return None

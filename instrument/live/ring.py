@@ -133,7 +133,7 @@ class DeliveredRate:
 
         ``waits``: more samples are ready to be fetched, so the computer is late, and the rate is not judged.
         """
-        if lost is None or self._begun_s is None or now_s < self._begun_s:
+        if lost is None or self._begun_s is None:
             self._begun_s, self._samples = now_s, 0
             return
         self._samples += samples + lost

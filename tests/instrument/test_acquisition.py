@@ -128,19 +128,6 @@ def test_every_wait_has_a_deadline(state: State) -> None:
     assert machine.tick() is Action.NONE
 
 
-@pytest.mark.parametrize("state", [s for s in State if Deadlines().of(s) is not None])
-def test_a_clock_running_backwards_lengthens_no_wait(state: State) -> None:
-    machine, clock = at(state)
-    limit = Deadlines().of(state)
-    assert limit is not None
-    clock.now += limit / 2
-    assert machine.tick() is Action.NONE
-    clock.now -= 1e6
-    assert machine.tick() is Action.NONE
-    clock.now += limit / 2 + 1e-3
-    assert machine.tick() is not Action.NONE
-
-
 def test_automatic_rearms_until_aborted_or_failed() -> None:
     machine, _ = at(State.TRANSFERRING, automatic=True)
     for _ in range(3):

@@ -6,7 +6,7 @@ import pytest
 from instrument.bench.effects import parse
 from instrument.bench.frame import frame_of
 from instrument.bench.mechanics import Bodies
-from instrument.bench.push import HOLD_M, RELEASE_M, held_block_motion, next_push_time_s, push_duration_s, simulate_push
+from instrument.bench.rig import HOLD_M, RELEASE_M, held_block_motion, next_push_time_s, push_duration_s, simulate_push
 from instrument.bench.site import QUIET, site_named
 
 SPEED = 0.25

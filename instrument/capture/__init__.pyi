@@ -1,7 +1,6 @@
 from .acquisition import Deadlines, State
 from .analysis_thread import STOPPED, ShotAnalysis, fit_here
-from .capture import Capture
-from .headless_acquisition import AcquireError, acquire
+from .capture import AcquireError, Capture, acquire
 from .snapshot import KEPT_IN_MEMORY, FinishedShot, SignalLine, Snapshot, WaitingShot
 from .stream_reader import CaptureOptions
 

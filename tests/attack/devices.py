@@ -12,7 +12,7 @@ import numpy as np
 import usb.core
 
 from analysis.shot.recording import Role
-from instrument.capture.headless_acquisition import AcquireError, acquire
+from instrument.capture.capture import AcquireError, acquire
 from instrument.capture.snapshot import Snapshot
 from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import CaptureSettings, DigitizerError

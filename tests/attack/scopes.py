@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from instrument.capture.headless_acquisition import AcquireError, acquire
+from instrument.capture.capture import AcquireError, acquire
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
 from instrument.devices.scpi_links import SocketTransport

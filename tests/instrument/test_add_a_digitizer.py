@@ -11,7 +11,7 @@ import pytest
 from analysis.shot.recording import Role
 from app.command_line.parser import command_parser, flat_parser
 from app.session.rig import Rig
-from instrument.capture.headless_acquisition import acquire
+from instrument.capture.capture import acquire
 from instrument.devices import sources
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.sources import Source, open_source, source_of, source_words

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from analysis.shot.recording import Setup
-from instrument.capture import headless_acquisition as module
-from instrument.capture.headless_acquisition import RESCUED, AcquireError, acquire
+from instrument.capture import capture as module
+from instrument.capture.capture import RESCUED, AcquireError, acquire
 from instrument.devices.digitizer import Block, DigitizerError
 from instrument.files.recording_file import read_recording
 from tests.instrument.capturing import SETTINGS, assert_true_samples

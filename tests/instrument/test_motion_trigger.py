@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.optics import Optics
 from instrument.bench.rig import Bench
-from instrument.capture.headless_acquisition import acquire
+from instrument.capture.capture import acquire
 from instrument.devices.digitizer import CaptureSettings
 from instrument.files.recording_file import read_recording
 from instrument.trigger.motion_trigger import WINDOW_S, MotionTrigger

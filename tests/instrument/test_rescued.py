@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from instrument.capture import headless_acquisition as module
-from instrument.capture.headless_acquisition import RESCUED, AcquireError, acquire
+from instrument.capture import capture as module
+from instrument.capture.capture import RESCUED, AcquireError, acquire
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import data_hash, read_recording
 from instrument.files.recording_writer import RecordingWriter

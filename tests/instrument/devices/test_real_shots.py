@@ -10,8 +10,7 @@ import pytest
 
 from analysis.shot.recording import Role
 from instrument.capture.acquisition import State
-from instrument.capture.capture import Capture
-from instrument.capture.headless_acquisition import acquire
+from instrument.capture.capture import Capture, acquire
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.bulk_stream import Chunk
 from instrument.devices.digitizer import CaptureSettings, DigitizerError

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from instrument.capture.headless_acquisition import AcquireError, acquire
+from instrument.capture.capture import AcquireError, acquire
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.scpi import ScpiOscilloscope
 from instrument.devices.scpi_dialects import ImplausibleAnswer, Scaling

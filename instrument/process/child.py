@@ -42,11 +42,10 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class DeviceState:
-    """Capabilities and setup of the device; ``fault`` says why they cannot be read."""
+    """Capabilities and setup of the device."""
 
-    capabilities: Capabilities | None
-    setup: Setup | None
-    fault: DigitizerError | None = None
+    capabilities: Capabilities
+    setup: Setup
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +53,7 @@ class Answer:
     """The answer to the order ``serial``; ``blocks`` is the number of blocks announced so far."""
 
     serial: int
-    device: DeviceState | None
+    device: DeviceState | DigitizerError | None  # an error: the state cannot be read
     fault: DigitizerError | None = None
     settings: CaptureSettings | None = None
     blocks: int | None = None  # of an order
@@ -68,7 +67,7 @@ class BlockReady:
     first: int
     block: Block
     fault: DigitizerError | None = None
-    device: DeviceState | None = None  # when the stream ends: the next shot may have other capabilities
+    device: DeviceState | DigitizerError | None = None  # at a stream's end: the next shot may have others
 
 
 # how many announced blocks may be unread: the capacity of the pipe, on Linux 64 KiB, on macOS 16, on Windows 8
@@ -111,7 +110,7 @@ class _Child:
         status = 0
         try:
             device = self._device_state()
-            if device.capabilities is not None and device.capabilities.simulated:
+            if isinstance(device, DeviceState) and device.capabilities.simulated:
                 lower_priority(5)  # a simulated device must not slow the screen; a real one needs little processor time
             self._answers.send(Answer(OPENED, device))
             while not self._ending.is_set():
@@ -214,13 +213,13 @@ class _Child:
         self._at += block.samples
         self._blocks += 1
 
-    def _device_state(self) -> DeviceState:
+    def _device_state(self) -> DeviceState | DigitizerError:
         try:
             setup = self._digitizer.setup
             picklable = replace(setup, extra=dict(setup.extra))  # a mapping proxy cannot be pickled
             return DeviceState(self._digitizer.capabilities, picklable)
         except Exception as error:
-            return DeviceState(None, None, _fault_of(error))
+            return _fault_of(error)
 
 
 def _fault_of(error: Exception) -> DigitizerError:

@@ -34,7 +34,7 @@ class DeviceProcess:
         self._process.daemon = True
         self._sending = threading.Lock()
         self._serial = OPENED
-        self._device: DeviceState | None = None
+        self._device: DeviceState | DigitizerError | None = None
         self.over = False
         try:
             self._process.start()
@@ -55,8 +55,8 @@ class DeviceProcess:
         """Get the state that the device last reported.  Raises DigitizerError if it could not be read."""
         device = self._device
         assert device is not None
-        if device.fault is not None:
-            raise device.fault.with_traceback(None)  # may be raised repeatedly
+        if isinstance(device, DigitizerError):
+            raise device.with_traceback(None)  # may be raised repeatedly
         return device
 
     def send(self, kind: str, settings: CaptureSettings | None = None, ring: tuple[str, int, int] | None = None) -> int:

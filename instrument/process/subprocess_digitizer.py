@@ -75,15 +75,11 @@ class SubprocessDigitizer(Digitizer):
 
     @property
     def capabilities(self) -> Capabilities:
-        able = self._child.device.capabilities
-        assert able is not None
-        return able
+        return self._child.device.capabilities
 
     @property
     def setup(self) -> Setup:
-        setup = self._child.device.setup
-        assert setup is not None
-        return setup
+        return self._child.device.setup
 
     @property
     def child_id(self) -> int | None:

@@ -338,7 +338,7 @@ def test_a_request_is_an_order_and_the_wait_for_its_answer() -> None:
 
 def test_a_device_tells_its_state_or_the_fault_that_hides_it_anew_each_time() -> None:
     child = Waiting([])
-    child._device = DeviceState(None, None, DigitizerError("unplugged"))
+    child._device = DigitizerError("unplugged")
     for _ in range(2):
         with pytest.raises(DigitizerError, match="unplugged"):
             child.device  # noqa: B018 - the reading is what is tested

@@ -8,7 +8,6 @@ import os
 import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -61,12 +60,7 @@ _RAM_BYTES = 0x4000
 _PIECE = 4096
 
 
-@dataclass(frozen=True, slots=True)
-class Segment:
-    """Bytes to be written from one address of the FX2's RAM on."""
-
-    address: int
-    content: bytes
+Segments = list[tuple[int, bytes]]  # (address in the FX2's RAM, bytes to be written from there on)
 
 
 def find_firmware(product: int) -> Path:
@@ -78,7 +72,7 @@ def find_firmware(product: int) -> Path:
     raise DigitizerError(f"the Hantek 6022 needs its firmware {name}, which is not on this computer", REMEDY)
 
 
-def read_firmware(path: Path) -> tuple[Segment, ...]:
+def read_firmware(path: Path) -> Segments:
     """Read a RAM image (raw from address 0, or Intel HEX).  Raises a DigitizerError that names the file."""
     try:
         content = path.read_bytes()
@@ -88,11 +82,11 @@ def read_firmware(path: Path) -> tuple[Segment, ...]:
         return _intel_hex(content, path)
     if not 0 < len(content) <= _RAM_BYTES:
         raise DigitizerError(f"{path} is no FX2 firmware: {len(content)} bytes, at most {_RAM_BYTES} fit", REMEDY)
-    return (Segment(0, content),)
+    return [(0, content)]
 
 
-def _intel_hex(content: bytes, path: Path) -> tuple[Segment, ...]:
-    segments: list[Segment] = []
+def _intel_hex(content: bytes, path: Path) -> Segments:
+    segments: Segments = []
     for number, line in enumerate(content.split(), start=1):
         try:
             record = bytes.fromhex(line[1:].decode("ascii"))
@@ -102,20 +96,20 @@ def _intel_hex(content: bytes, path: Path) -> tuple[Segment, ...]:
             raise DigitizerError(f"{path}, line {number}: damaged line of Intel HEX", REMEDY)
         address = int.from_bytes(record[1:3], "big")
         if record[3] == 1:
-            return tuple(segments)
+            return segments
         if record[3] != 0 or address + record[0] > _RAM_BYTES:
             raise DigitizerError(f"{path}, line {number}: no record for the FX2's RAM", REMEDY)
-        segments.append(Segment(address, record[4:-1]))
+        segments.append((address, record[4:-1]))
     raise DigitizerError(f"{path} ends before its last record", REMEDY)
 
 
-def load_firmware(device: Any, segments: tuple[Segment, ...], name: str) -> None:
+def load_firmware(device: Any, segments: Segments, name: str) -> None:
     """Load the image into the RAM of a device without firmware and start it.  Raises DigitizerError."""
     with usb_bus.usb_errors_of(name):
         _write(device, _CPU_CONTROL, b"\x01")
-        for segment in segments:
-            for at in range(0, len(segment.content), _PIECE):
-                _write(device, segment.address + at, segment.content[at : at + _PIECE])
+        for address, content in segments:
+            for at in range(0, len(content), _PIECE):
+                _write(device, address + at, content[at : at + _PIECE])
     try:
         _write(device, _CPU_CONTROL, b"\x00")
     except usb.core.USBError:

@@ -184,10 +184,7 @@ def test_the_firmware_is_loaded_and_the_device_found_again(tmp_path: Path) -> No
 def test_intel_hex_goes_where_its_records_say(tmp_path: Path) -> None:
     path = tmp_path / "scope.hex"
     path.write_text(":03001000010203E7\n:0100200055" + f"{(-(1 + 0x20 + 0x55)) & 255:02X}\n:00000001FF\n")
-    assert hantek6022_firmware.read_firmware(path) == (
-        hantek6022_firmware.Segment(0x10, b"\x01\x02\x03"),
-        hantek6022_firmware.Segment(0x20, b"\x55"),
-    )
+    assert hantek6022_firmware.read_firmware(path) == [(0x10, b"\x01\x02\x03"), (0x20, b"\x55")]
     for broken, why in (
         (":03001000010203E8", "line 1: damaged line"),  # its sum
         (":0300100001EC", "line 1: damaged line"),  # shorter than it says
@@ -223,8 +220,8 @@ def test_firmware_fills_the_memory_of_the_device_to_its_last_byte_and_no_further
     ):
         path.write_bytes(content)
         if why is None:
-            (segment,) = hantek6022_firmware.read_firmware(path)
-            assert segment.address + len(segment.content) == 0x4000
+            ((address, content),) = hantek6022_firmware.read_firmware(path)
+            assert address + len(content) == 0x4000
         else:
             with pytest.raises(DigitizerError, match=rf"scope\.fw.*{why}"):
                 hantek6022_firmware.read_firmware(path)

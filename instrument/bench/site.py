@@ -105,20 +105,12 @@ def site_named(text: str) -> Site:
     if known == QUIET.name:
         return QUIET
     if known is not None:
-        return _of_criterion(known)
+        level = LEVELS_M_PER_S[known]
+        size = level / LEVELS_M_PER_S["VC-C"]
+        return Site(known, level, (Line(24.9, 40e-9 * size), Line(100.0, 15e-9 * size), Line(296.0, 8e-9 * size)))
     if not text.lower().endswith(".toml"):
         raise ValueError(f"no site is called {shown(text)}; there are {', '.join(NAMES)}, or a TOML file")
-    return _read(Path(text))
-
-
-def _of_criterion(name: str) -> Site:
-    level = LEVELS_M_PER_S[name]
-    size = level / LEVELS_M_PER_S["VC-C"]
-    machines = (Line(24.9, 40e-9 * size), Line(100.0, 15e-9 * size), Line(296.0, 8e-9 * size))
-    return Site(name, level, machines)
-
-
-def _read(path: Path) -> Site:
+    path = Path(text)
     try:
         return _described(CheckedTable(path, read_toml(path)))
     except RecordingError as error:

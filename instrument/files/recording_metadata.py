@@ -61,33 +61,23 @@ def read_metadata(path: Path) -> Metadata:
     declared = head.whole("lmm:samples", 0, _MOST_SAMPLES)
     sha512 = head.text("core:sha512")
     started_at, capture_extra = _captures(whole)
-    found = _annotations(whole)
+    gaps, note, annotation_extra, ends, note_samples = _annotations(whole)
     if declared is None:
-        declared = found.note_samples
-    ends = found.ends if trigger is None else [*found.ends, trigger + 1]
+        declared = note_samples
+    if trigger is not None:
+        ends.append(trigger + 1)
     extensions = head.values.get("core:extensions")
     extra: dict[str, Any] = {
         "global": head.unread(),
         "captures": capture_extra,
-        "annotations": found.foreign,
+        "annotations": annotation_extra,
         "channels": channel_extra,
         "extensions": extensions if isinstance(extensions, list) else [],
         "top": whole.unread(),
     }
     extra = {key: value for key, value in extra.items() if value}
-    return Metadata(
-        rate,
-        channels,
-        setup,
-        trigger,
-        found.gaps,
-        found.note,
-        started_at,
-        sha512,
-        declared,
-        max(ends, default=0),
-        extra,
-    )
+    at_least = max(ends, default=0)
+    return Metadata(rate, channels, setup, trigger, gaps, note, started_at, sha512, declared, at_least, extra)
 
 
 def _channels(head: CheckedTable) -> tuple[tuple[Channel, ...], list[dict[str, Any]]]:
@@ -160,16 +150,8 @@ def _captures(whole: CheckedTable) -> tuple[str | None, list[dict[str, Any]]]:
     return started_at, foreign if any(foreign) else []
 
 
-@dataclass(frozen=True, slots=True)
-class _Annotations:
-    gaps: tuple[Gap, ...]
-    note: str
-    foreign: list[dict[str, Any]]
-    ends: list[int]  # first sample after each annotation
-    note_samples: int | None
-
-
-def _annotations(whole: CheckedTable) -> _Annotations:
+def _annotations(whole: CheckedTable) -> tuple[tuple[Gap, ...], str, list[dict[str, Any]], list[int], int | None]:
+    """Return gaps, note, unknown annotations, the first sample after each, and the number of samples of the note."""
     gaps: list[Gap] = []
     notes: list[str] = []
     foreign: list[dict[str, Any]] = []
@@ -192,7 +174,7 @@ def _annotations(whole: CheckedTable) -> _Annotations:
         else:
             foreign.append(dict(item.values))
     gaps.sort(key=lambda gap: gap.sample_start)
-    return _Annotations(tuple(gaps), "\n".join(notes), foreign, ends, note_samples)
+    return tuple(gaps), "\n".join(notes), foreign, ends, note_samples
 
 
 def metadata_json(metadata: Metadata) -> dict[str, Any]:

@@ -211,16 +211,6 @@ def draw(name: str, random: np.random.Generator) -> dict[str, float]:
     return values
 
 
-def scaled(effects: Effects, strength: float) -> dict[str, dict[str, float]]:
-    """Return ``effects`` with their sizes multiplied by ``strength`` (the plate's modal mass is divided by it)."""
-    result: dict[str, dict[str, float]] = {}
-    for name, values in effects.items():
-        known = ALL[name]
-        power = -1.0 if name == "second_plate_mode" else 1.0
-        result[name] = {key: value * strength**power if known[key].scales else value for key, value in values.items()}
-    return result
-
-
 def effects_of_shot(effects: Effects, shot: int, seed: int) -> dict[str, dict[str, float]]:
     """Return the effects of one shot of a set: PER_SHOT parameters are drawn at random, except for shot 0."""
     result = {name: dict(values) for name, values in effects.items()}

@@ -9,9 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.bench.effects import ALL, PER_SHOT, scaled
+from instrument.bench.effects import ALL, PER_SHOT
 from instrument.bench.mechanics import Bodies
 from tests.bench.blind import RATE_HZ, Truth, clean_m
+from tests.bench.scaled import scaled
 
 Floats = NDArray[np.float64]
 

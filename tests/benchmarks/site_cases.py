@@ -15,11 +15,12 @@ from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import Sway, frame_response_of
 from analysis.shot.impact import Shaking
 from analysis.shot.motion import Motion
-from instrument.bench.effects import CATALOGUE, scaled
+from instrument.bench.effects import CATALOGUE
 from instrument.bench.frame import HIGHEST_HZ, LOWEST_HZ, density_m2_per_hz
 from instrument.bench.site import QUIET, site_named
 from tests.bench.blind import Truth, clean_m, drawn, records
 from tests.bench.displacement_noise import Noise, NoiseKind
+from tests.bench.scaled import scaled
 from tests.bench.strength import base_tangents, strongest
 from tests.benchmarks.loop_cases import as_motion
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from instrument.bench.digitizer import BenchDigitizer
-from instrument.bench.effects import ALL, PER_SHOT, complete, draw, effects_of_shot, force_slots, scaled
+from instrument.bench.effects import ALL, PER_SHOT, complete, draw, effects_of_shot, force_slots
 from instrument.bench.frame import frame_of
 from instrument.bench.measured_path import measured_path, simulate_collision, with_cyclic_error
 from instrument.bench.mechanics import Bodies
@@ -23,6 +23,7 @@ from instrument.bench.simulated_shots import draw_undeclared, record_shot, simul
 from instrument.bench.sines import path_vibration
 from instrument.bench.site import Knock, Line, Site, site_named
 from instrument.devices.digitizer import CaptureSettings
+from tests.bench.scaled import scaled
 
 KEPT = Path(__file__).parent / "written" / "seed.txt"
 SHAKEN = Site(

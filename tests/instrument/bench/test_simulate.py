@@ -15,7 +15,6 @@ from instrument.bench.effects import (
     effects_of_shot,
     force_slots,
     parse,
-    scaled,
 )
 from instrument.bench.measured_path import measured_path, simulate_collision, with_cyclic_error
 from instrument.bench.mechanics import Bodies
@@ -33,6 +32,7 @@ from instrument.bench.site import site_named
 from instrument.files.recording_file import data_hash, read_recording
 from instrument.files.recording_search import find_recordings
 from tests.bench.displacement_noise import cyclic_m
+from tests.bench.scaled import scaled
 
 SPEED = 0.265
 TIME = np.arange(0.0, 0.06, 1e-5)

@@ -21,23 +21,11 @@ class Ring:
     """
 
     def __init__(self, capacity: int, channels: int) -> None:
+        self.capacity = capacity  # samples per channel that the ring holds
+        self.channels = channels
+        self.total = 0  # samples written so far: the newest sample's number plus one
         self._counts = np.zeros((capacity, channels), np.int16)
-        self._total = 0
         self._claimed = 0  # end of the part that the writer may be changing now
-
-    @property
-    def capacity(self) -> int:
-        """Get how many samples per channel the ring holds."""
-        return int(self._counts.shape[0])
-
-    @property
-    def channels(self) -> int:
-        return int(self._counts.shape[1])
-
-    @property
-    def total(self) -> int:
-        """Get the number of samples written so far: the newest sample's number plus one."""
-        return self._total
 
     @property
     def oldest(self) -> int:
@@ -46,15 +34,15 @@ class Ring:
 
     def space(self, most: int) -> NDArray[np.int16]:
         """Return a contiguous view of at most ``most`` samples to be filled next; its old samples are lost."""
-        start = self._total % self.capacity
+        start = self.total % self.capacity
         length = min(most, self.capacity - start)
-        self._claimed = self._total + length
+        self._claimed = self.total + length
         return self._counts[start : start + length]
 
     def commit(self, samples: int) -> None:
         """Count the first ``samples`` of the last ``space`` as written."""
-        self._total += samples
-        self._claimed = self._total
+        self.total += samples
+        self._claimed = self.total
 
     def copy_into(self, start: int, out: NDArray[np.int16]) -> None:
         """Fill ``out``, shape (n, channels), with samples ``start`` ... ``start + n - 1``.

@@ -42,7 +42,6 @@ class DeviceProcess:
             raise DigitizerError(f"the digitizer's process did not start: {error}", "close other programs") from error
         child_orders.close()  # now only the child holds these ends, so its end closes the pipe
         child_answers.close()
-        self.child_id = self._process.pid
         try:
             self._wait_for(STARTED, START_S, give_up, None)
             self._wait_for(OPENED, open_s, give_up, None)

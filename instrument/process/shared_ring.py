@@ -24,6 +24,7 @@ class SharedRing:
 
     def __init__(self, memory: SharedMemory, capacity: int, channels: int) -> None:
         self._memory = memory
+        self.name = memory.name  # by which another process attaches it
         self.capacity = capacity
         self.channels = channels
         self._counters = np.ndarray(len(_COUNTERS), np.int64, memory.buf)
@@ -52,11 +53,6 @@ class SharedRing:
     def attach(cls, name: str, capacity: int, channels: int) -> "SharedRing":
         """Return the ring that another process created."""
         return cls(SharedMemory(name), capacity, channels)
-
-    @property
-    def name(self) -> str:
-        """Get the name by which another process attaches it."""
-        return self._memory.name
 
     def unlink(self) -> None:
         """Free the memory as soon as both processes have closed it or ended."""

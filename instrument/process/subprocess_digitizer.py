@@ -81,11 +81,6 @@ class SubprocessDigitizer(Digitizer):
     def setup(self) -> Setup:
         return self._child.device.setup
 
-    @property
-    def child_id(self) -> int | None:
-        """Get the child's process number, None where there is none."""
-        return None if self._child.over else self._child.child_id
-
     def prepare(self) -> None:
         """Prepare the device in the child; ``stop`` ends the waiting."""
         with self._exchange:

@@ -72,11 +72,6 @@ class SubprocessWorker:
         self._numbers = itertools.count()
         self._closed = False
 
-    @property
-    def child_id(self) -> int | None:
-        """Get the child's process number, None where there is none."""
-        return self._process.pid if self._process is not None else None
-
     def start(self) -> None:
         """Start the child if there is none, so that the first task does not wait for it; returns at once."""
         with self._lock:

@@ -15,6 +15,7 @@ from app.session.session import Session
 from app.session.workbench import Workbench
 from instrument.bench.simulated_shots import simulate
 from instrument.process.subprocess_worker import SubprocessWorker
+from tests.child import child_id
 
 LONGEST_S = 120.0
 
@@ -25,7 +26,7 @@ def child():
     apart.start()
     yield apart
     apart.close()
-    assert apart.child_id is None
+    assert child_id(apart) is None
 
 
 @pytest.fixture(scope="module")
@@ -92,10 +93,10 @@ def test_a_diagnosis_there_tells_how_far_it_is_and_is_cancelled(child, recording
         while job is None or job.kind != "diagnosis" or not job.what:
             time.sleep(0.005)
             job = workbench.jobs.current
-        alive = child.child_id
+        alive = child_id(child)
         job.cancel()
         assert job.done.wait(LONGEST_S) and job.result is None and job.problem is None
-        assert child.child_id == alive  # it heeded; it was not ended
+        assert child_id(child) == alive  # it heeded; it was not ended
         assert workbench.diagnoses.newest is None
     finally:
         assert workbench.jobs.close() and workbench.short_jobs.close()

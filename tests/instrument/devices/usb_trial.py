@@ -18,6 +18,7 @@ from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerEr
 from instrument.devices.hantek6022 import Hantek6022
 from instrument.process import device_process
 from instrument.process.subprocess_digitizer import open_in_subprocess
+from tests.child import child_id
 from tests.instrument.devices.hantek_model import ColdHantek, WarmHantek, packet_numbers
 from tests.instrument.devices.usbfs_emulator import Testbed
 
@@ -196,7 +197,7 @@ def apart() -> dict:
     scope.arm(settings)
     again = read(scope, 0.4)
     scope.close()
-    return {"read": result, "missing": missing, "again": again, "child": scope.child_id}
+    return {"read": result, "missing": missing, "again": again, "child": child_id(scope)}
 
 
 def hang() -> dict:

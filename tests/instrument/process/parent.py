@@ -4,6 +4,7 @@ import numpy as np
 
 from instrument.devices.digitizer import CaptureSettings
 from instrument.process.subprocess_digitizer import SubprocessDigitizer
+from tests.child import child_id
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 
 
@@ -13,7 +14,7 @@ def main() -> None:
     digitizer.arm(CaptureSettings(RATE_HZ, 1000, 0))
     buffer = np.empty((10_000, 3), np.int16)
     digitizer.read_into(buffer, 5.0)
-    print(digitizer.child_id, flush=True)
+    print(child_id(digitizer), flush=True)
     while True:
         digitizer.read_into(buffer, 0.05)
 

@@ -21,6 +21,7 @@ from instrument.files.recording_file import open_recording, read_recording
 from instrument.files.recording_writer import write_recording
 from instrument.process import subprocess_worker
 from instrument.process.subprocess_worker import SubprocessAnalysis
+from tests.child import child_id
 
 PLAIN = AnalysisSettings()
 
@@ -50,7 +51,7 @@ def apart() -> Iterator[SubprocessAnalysis]:
     child = SubprocessAnalysis()
     yield child
     child.close()
-    assert child.child_id is None
+    assert child_id(child) is None
 
 
 @pytest.fixture(scope="module")
@@ -90,7 +91,7 @@ def test_a_shot_comes_out_as_it_would_here(apart: SubprocessAnalysis, simulated:
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="read from Linux's list of processes")
 def test_the_child_gives_way_to_samples_and_screen_and_leaves_ctrl_c_to_its_parent(apart: SubprocessAnalysis) -> None:
     child = apart.run(who, quiet, never)
-    assert child == apart.child_id != os.getpid()
+    assert child == child_id(apart) != os.getpid()
     assert os.getpriority(os.PRIO_PROCESS, child) == min(19, os.getpriority(os.PRIO_PROCESS, 0) + 10)
     assert os.sched_getscheduler(child) == os.SCHED_BATCH
     status = dict(line.split(":\t") for line in Path(f"/proc/{child}/status").read_text().splitlines())
@@ -114,10 +115,10 @@ def test_altered_data_are_flagged_there_too(apart: SubprocessAnalysis, simulated
 
 def test_an_analysis_is_cancelled_there_too(apart: SubprocessAnalysis, simulated: Recording) -> None:
     apart.read(simulated, PLAIN, quiet, never)  # by now there is a child that answers, whichever test comes first
-    child = apart.child_id
+    child = child_id(apart)
     with pytest.raises(Cancelled):
         apart.read(simulated, PLAIN, quiet, lambda: True)
-    assert child is not None and apart.child_id == child  # it heeds, and need not be started anew
+    assert child is not None and child_id(apart) == child  # it heeds, and need not be started anew
 
 
 def test_what_is_wrong_with_a_recording_is_its_own_sentence(apart: SubprocessAnalysis, shot: Recording) -> None:
@@ -134,7 +135,7 @@ def test_a_child_that_dies_costs_a_shot_and_the_next_has_another(
 ) -> None:
     saved = open_recording(write_recording(shot, tmp_path / "shot"))
     apart.start()
-    child = apart.child_id
+    child = child_id(apart)
     assert child is not None
     os.kill(child, signal.SIGKILL)
     with pytest.raises(AnalysisError, match="process ended by itself"):
@@ -147,10 +148,10 @@ def test_a_child_that_heeds_no_cancelling_is_ended_and_the_next_shot_has_another
 ) -> None:
     monkeypatch.setattr(subprocess_worker, "CANCEL_S", 0.2)
     apart.start()
-    child = apart.child_id
+    child = child_id(apart)
     assert child is not None
     os.kill(child, signal.SIGSTOP)  # as good as starved by other programs
     with pytest.raises(Cancelled):
         apart.read(simulated, PLAIN, quiet, lambda: True)
-    assert apart.child_id is None
+    assert child_id(apart) is None
     assert apart.read(simulated, PLAIN, quiet, never).motion is not None

@@ -24,6 +24,7 @@ from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, Digi
 from instrument.files.recording_file import open_recording
 from instrument.process import device_process, shared_ring, subprocess_digitizer
 from instrument.process.subprocess_digitizer import SubprocessDigitizer, open_in_subprocess
+from tests.child import child_id
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 from tests.instrument.fake_digitizer import FIRST, RATE_HZ, FakeDigitizer, samples
 from tests.instrument.process import devices
@@ -43,7 +44,7 @@ def opened() -> Iterator[Callable[..., SubprocessDigitizer]]:
     yield open_one
     for digitizer in living:
         digitizer.close()
-        assert digitizer.child_id is None
+        assert child_id(digitizer) is None
 
 
 def read(digitizer: Digitizer, buffer: np.ndarray, limit_s: float = 10.0) -> Block:
@@ -134,7 +135,7 @@ def test_a_source_is_named_as_anywhere_and_a_recording_is_played_here(tmp_path):
 
 def test_a_refused_arming_and_an_unplugging_are_said_and_the_next_arming_recovers(opened):
     digitizer = opened(devices.Unplugged)
-    child = digitizer.child_id
+    child = child_id(digitizer)
     buffer = np.empty((4_000, 3), np.int16)
     with pytest.raises(DigitizerError) as refusal:
         digitizer.arm(ONE)
@@ -148,7 +149,7 @@ def test_a_refused_arming_and_an_unplugging_are_said_and_the_next_arming_recover
     assert np.array_equal(np.concatenate(came), samples(0, 5_000)), "what came before is delivered"
     digitizer.arm(ONE)
     assert read(digitizer, buffer).samples > 0
-    assert digitizer.child_id == child
+    assert child_id(digitizer) == child
 
 
 def test_a_parent_that_stands_still_loses_nothing_silently(opened, monkeypatch):
@@ -204,13 +205,13 @@ def test_a_stop_reaches_a_driver_that_reads(opened):
 def test_a_driver_that_hangs_is_told_and_left_behind(opened, monkeypatch):
     monkeypatch.setattr(subprocess_digitizer, "ANSWER_S", 0.5)
     digitizer = opened(partial(devices.Deaf, hears=False))
-    child = digitizer.child_id
+    child = child_id(digitizer)
     digitizer.arm(ONE)
     with pytest.raises(DigitizerError, match="does not answer"):
         read(digitizer, np.empty((100, 3), np.int16))
     assert gone(child)
     digitizer.arm(ONE)
-    assert digitizer.child_id not in (None, child)
+    assert child_id(digitizer) not in (None, child)
 
 
 def test_a_child_that_dies_is_told_and_the_next_arming_starts_another(opened, tmp_path):
@@ -254,14 +255,14 @@ def test_what_is_simulated_may_be_late(opened, monkeypatch):
     bench.arm(CaptureSettings(10e6, 20_000, 2_000))
     buffer = np.empty((20_000, 3), np.int16)
     assert read(bench, buffer).samples > 0
-    child = bench.child_id
+    child = child_id(bench)
     os.kill(child, signal.SIGSTOP)  # as good as starved by other programs
     while bench.read_into(buffer, 0.1).samples:  # what had come before
         pass
     for _ in range(8):
         assert bench.read_into(buffer, 0.1).samples == 0
     os.kill(child, signal.SIGCONT)
-    assert read(bench, buffer).samples > 0 and bench.child_id == child
+    assert read(bench, buffer).samples > 0 and child_id(bench) == child
 
 
 def test_no_memory_is_one_line(opened, monkeypatch):

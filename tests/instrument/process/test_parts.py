@@ -28,6 +28,7 @@ from instrument.process.device_process import DeviceProcess
 from instrument.process.shared_ring import SharedRing
 from instrument.process.subprocess_digitizer import SubprocessDigitizer, open_in_subprocess
 from instrument.process.subprocess_worker import SubprocessWorker, _Report, _run, _seal, _Task
+from tests.child import child_id
 from tests.instrument.fake_digitizer import CHANNELS, FakeDigitizer, samples
 
 CAPACITY = 700
@@ -250,7 +251,7 @@ def test_after_its_end_a_worker_works_here(monkeypatch: pytest.MonkeyPatch) -> N
     worker = SubprocessWorker()
     worker.close()
     worker.start()
-    assert worker.child_id is None
+    assert child_id(worker) is None
     assert worker.run(lambda progress, cancelled: (progress, cancelled), print, len) == (print, len)
 
 
@@ -448,7 +449,7 @@ def test_a_device_s_process_is_started_with_one_end_of_each_pipe_and_ended_by_fo
     ends = ["opener", "first reads", "second writes"]
     assert context.did == [(child_module.serve, ends, "levimass digitizer"), ("start", True)]
     assert waited == [(STARTED, 60.0, len, None), (OPENED, 7.0, len, None)]
-    assert context.closed == ends[1:] and (made._answers.end, made.child_id) == ("second reads", 77)
+    assert context.closed == ends[1:] and (made._answers.end, made._process.pid) == ("second reads", 77)
     context.did.clear()
     assert made.end() == -9 and made.over and made.end() is None
     forced = ["kill", ("join", 5.0)] if alive else []
@@ -484,7 +485,7 @@ def test_a_child_that_dies_during_a_task_is_not_waited_for(monkeypatch: pytest.M
         worker._tasks.send = broken  # type: ignore[union-attr, method-assign]
         with pytest.raises(fault):
             worker.run(len, print, lambda cancelled=cancelled: cancelled)  # type: ignore[misc]
-        assert context.did[-2:] == [("start", True), "close"] and worker.child_id is None
+        assert context.did[-2:] == [("start", True), "close"] and child_id(worker) is None
         context = Context(monkeypatch)
 
 
@@ -497,13 +498,13 @@ def test_a_working_process_is_started_once_and_ended_by_force_where_it_does_not_
     worker.start()
     ends = [print, "first reads", "second writes"]
     assert context.did == [(subprocess_worker._serve, ends, "levimass work"), ("start", True)]
-    assert context.closed == ends[1:] and worker.child_id == 77
+    assert context.closed == ends[1:] and child_id(worker) == 77
     context.did.clear()
     worker.close()
     worker._end()
     worker.start()  # there is none any more
     forced = ["kill", ("join", 5.0)] if alive else []
-    assert context.did == [("join", 5.0), *forced, "close"] and worker.child_id is None
+    assert context.did == [("join", 5.0), *forced, "close"] and child_id(worker) is None
     assert context.closed[2:] == ["first writes", "second reads"]
 
 
@@ -877,7 +878,7 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
         def __init__(self, opener: Any, give_up: Any, open_s: float) -> None:
             asked.append((opener, give_up(), open_s))
             device = SimpleNamespace(capabilities=FakeDigitizer().capabilities)
-            super().__init__(device=device, over=False, child_id=77, request=request, end=lambda: asked.append("end"))
+            super().__init__(device=device, over=False, request=request, end=lambda: asked.append("end"))
             self.send = lambda kind: asked.append(kind)
 
     made = SimpleNamespace(
@@ -890,7 +891,7 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
     monkeypatch.setattr(SharedRing, "create", lambda *_: made)
     monkeypatch.setattr(subprocess_digitizer, "DeviceProcess", Started)
     opened = SubprocessDigitizer("opener", 12.0)  # type: ignore[arg-type]
-    assert opened.child_id == 77 and asked == [("opener", False, 12.0)]
+    assert asked == [("opener", False, 12.0)]
     asked.clear()
     opened.stop()
     opened.prepare()  # given up at once
@@ -902,7 +903,6 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
     ring = ("ring", made.capacity, 3)
     assert asked == [("arm", 12.0, ONE, ring, False, 5.0), "unlink"] and (opened._run, opened._blocks) == (8, 3)
     opened._child.over = True
-    assert opened.child_id is None
     for ask, known in (
         (opened.default_settings, [("opener", False, 12.0), ("defaults", 12.0, False, None)]),
         (

@@ -154,10 +154,7 @@ def parse(text: str) -> dict[str, dict[str, float]]:
 
 
 def complete(effects: Effects) -> dict[str, dict[str, float]]:
-    """Return ``effects`` with default values for omitted parameters.
-
-    Raises ValueError for an unknown name or parameter, or an impossible value.
-    """
+    """Return ``effects`` with defaults for omitted parameters.  Raises ValueError for an unknown or impossible one."""
     result: dict[str, dict[str, float]] = {}
     for name, given in effects.items():
         known = ALL.get(name)

@@ -104,7 +104,7 @@ def _step(
 ) -> None:
     """Advance ``y`` from ``t`` by ``h`` into ``new``, with constant switches: six stages, fifth order.
 
-    Method: Dormand and Prince (1980).  ``k`` holds the stages' slot.rates and, in its last row, the state of a stage.
+    Method: Dormand and Prince (1980).  ``k`` holds the stages' rates and, in its last row, the state of a stage.
     """
     work = k[6]
     slot.rates(y, p, on, frame_acceleration(drive, t), k[0])

@@ -26,10 +26,7 @@ _ORDERS_S = 0.02
 
 
 class CaptureThread:
-    """Reads the digitizer block by block and carries out ``orders`` between two blocks.
-
-    ``warm(given_up)`` returns once kernels are compiled; ``say`` gets one line for every fault.
-    """
+    """Reads the digitizer block by block, and carries out ``orders`` between two blocks."""
 
     def __init__(
         self,

@@ -83,7 +83,10 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
         return CaptureSettings(timing.sample_rate_hz, timing.samples, timing.trigger_sample or 0)
 
     def arm(self, settings: CaptureSettings) -> None:
-        """Set time base and memory if they differ, and wait for the trigger.  Raises DigitizerError."""
+        """Set time base, memory depth and trigger delay if they differ from ``wanted``.
+
+        Raises DigitizerError if the instrument's rate still differs afterwards.
+        """
         self.stop()
         if not 0 <= settings.pre_trigger_samples < settings.samples <= self._dialect.max_samples:
             raise DigitizerError(
@@ -237,10 +240,7 @@ _REMEDY = "type HOST or HOST:PORT, as 192.168.1.5 or scope.lab:5025, or a VISA n
 
 
 def network_source(typed: str) -> str:
-    """Return the source text of an address typed by the operator, without connecting.
-
-    Raises DigitizerError for text that is not an address.
-    """
+    """Return the source text of an address typed by the operator.  Raises DigitizerError for text that is none."""
     text = typed.strip()
     text = text[5:] if text.lower().startswith("scpi:") else text
     address, question_mark, options = text.partition("?")

@@ -112,10 +112,7 @@ def source_words() -> str:
 
 
 def open_source(text: str) -> "Digitizer":
-    """Open the digitizer of a source's ``text``.
-
-    Raises DigitizerError for an unknown source, an invalid option or a device that cannot be opened.
-    """
+    """Open the digitizer of a source's ``text``.  Raises DigitizerError, also for an invalid source or option."""
     from instrument.devices.digitizer import DigitizerError
     from instrument.devices.source_options import SourceOptions
     from instrument.files import shown
@@ -151,10 +148,7 @@ def is_bench(source: str) -> bool:
 
 
 def with_push(source: str, speed_m_per_s: float, added_kg: float, first: int) -> str:
-    """Return the text of a simulated bench's source with these options of the push; other options are unchanged.
-
-    The options are speed, added mass, and number of the first push.
-    """
+    """Return a simulated bench's source with speed, added mass and number of its first push; other options are kept."""
     kind, _, rest = source.strip().partition("?")
     kept = [item for item in rest.split("&") if item and item.partition("=")[0] not in PUSH]
     push = [f"speed={speed_m_per_s:.4f}", f"added={added_kg:.5f}", f"first={first}"]

@@ -34,10 +34,7 @@ def read_laws(folder: Path) -> tuple[list[OwnLaw], list[str]]:
 
 
 def write_law(law: OwnLaw, folder: Path) -> Path:
-    """Write a law as ``NAME.toml`` into ``folder`` and return its path.  Raises RecordingError.
-
-    An existing file is never overwritten.
-    """
+    """Write a law as ``NAME.toml`` into ``folder``, never over another; return its path.  Raises RecordingError."""
     path = folder / f"{law.name}.toml"
     if path.exists():
         raise RecordingError(path, "there is a law of this name already; choose another")

@@ -81,10 +81,7 @@ class Stream:
         return next((index for index, channel in enumerate(self.channels) if channel.role is role), None)
 
     def newest(self, most: int) -> tuple[NDArray[np.int16], int]:
-        """Return a copy of the newest samples, at most ``most``, and the ring number of the first.
-
-        Raises Overwritten.
-        """
+        """Return a copy of at most ``most`` newest samples, and the ring number of the first.  Raises Overwritten."""
         total = self.ring.total
         counts = np.empty((min(most, total - self.start), self.ring.channels), np.int16)
         first = total - len(counts)

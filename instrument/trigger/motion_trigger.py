@@ -40,10 +40,7 @@ class MotionTrigger:
         self._state[_REST] = self._rest_hz
 
     def first_step(self, counts: NDArray[np.int16]) -> int | None:
-        """Return the index of the trigger in a block of counts (n, channels), or None.
-
-        About 3 ns per sample and channel.
-        """
+        """Return the index of the trigger in a block of counts (n, channels), or None; 3 ns per sample and channel."""
         found = _scan(
             counts, self._columns, self._window, self._rate_hz, self._doppler_hz, self._rest_hz > 0, self._state
         )

@@ -57,18 +57,12 @@ class Trajectory:
 
     def block_m(self, time_s: Floats) -> Floats:
         """Return the block's position at ``time_s`` (ascending), cubic between nodes: error below 1 pm."""
-        return self._interpolated(slot.BLOCK_X, slot.BLOCK_V, time_s)
+        position, velocity = self.states[:, slot.BLOCK_X].copy(), self.states[:, slot.BLOCK_V].copy()
+        return interpolate(self.time_s, position, velocity, time_s)
 
     def block_velocity_m_per_s(self, time_s: Floats) -> Floats:
         """Return the block's velocity at ``time_s`` (ascending)."""
         return interpolate(self.time_s, self.states[:, slot.BLOCK_V].copy(), self.acceleration_m_per_s2, time_s)
-
-    def plate_m(self, time_s: Floats) -> Floats:
-        """Return the plate's position at ``time_s`` (ascending)."""
-        return self._interpolated(slot.PLATE_X, slot.PLATE_V, time_s)
-
-    def _interpolated(self, position: int, velocity: int, time_s: Floats) -> Floats:
-        return interpolate(self.time_s, self.states[:, position].copy(), self.states[:, velocity].copy(), time_s)
 
 
 class FrameAcceleration(NamedTuple):

@@ -17,6 +17,7 @@ from instrument.bench.sines import PATH_HIGHEST_HZ as HIGHEST_HZ
 from instrument.bench.sines import PATH_LOWEST_HZ as LOWEST_HZ
 from instrument.bench.site import LEVELS_M_PER_S, Knock, Line, Site, site_named
 from tests.bench.displacement_noise import displacement_noise_m
+from tests.bench.plate import plate_m
 
 Floats = NDArray[np.float64]
 SITES = tuple(name for name in LEVELS_M_PER_S if name.startswith("VC"))
@@ -152,7 +153,7 @@ def truth(played: SimulatedShot, bodies: Bodies, speed_m_per_s: float) -> dict[s
 
 def force_n(run: Trajectory, bodies: Bodies, time_s: Floats) -> Floats:
     """Return the force of the plate on the block at ascending times."""
-    overlap = run.plate_m(time_s) - run.block_m(time_s)
+    overlap = plate_m(run, time_s) - run.block_m(time_s)
     rate = np.interp(time_s, run.time_s, run.states[:, slot.PLATE_V]) - run.block_velocity_m_per_s(time_s)
     pushed = bodies.contact_stiffness_n_per_m * overlap + bodies.contact_damping_n_s_per_m * rate
     return np.where(overlap > 0, pushed, 0.0)

@@ -23,6 +23,7 @@ from instrument.bench.simulated_shots import draw_undeclared, record_shot, simul
 from instrument.bench.sines import path_vibration
 from instrument.bench.site import Knock, Line, Site, site_named
 from instrument.devices.digitizer import CaptureSettings
+from tests.bench.plate import plate_m
 from tests.bench.scaled import scaled
 
 KEPT = Path(__file__).parent / "written" / "seed.txt"
@@ -56,7 +57,7 @@ def _of_effects() -> Iterator[Numbers]:
         optics = with_cyclic_error(Optics(), drawn)
         yield f"{name}, path in um", [*(x * 1e6), optics.leak_m * 1e9, optics.leak_order, optics.leak_turns], 1e-6
         yield f"{name}, its velocity in mm/s", list(v * 1e3), 1e-4
-        yield f"{name}, plate in um", list(run.plate_m(TIME) * 1e6), 1e-4
+        yield f"{name}, plate in um", list(plate_m(run, TIME) * 1e6), 1e-4
         yield f"{name}, events in ms", [time * 1e3 for _, time in run.events], 1e-6
 
 

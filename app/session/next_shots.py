@@ -86,7 +86,7 @@ class NextShots:
             return replace(options, settings=settings, setup=setup)
 
         self._under = _Capture(step, found.numbers, standing.steps, source)
-        self._rig.take(wanted, changed)
+        self._rig.open(wanted, changed)
 
     def cancel_planned(self) -> None:
         """Cancel the planned shot and reopen the previous source."""

@@ -101,12 +101,11 @@ class Rig:
 
     # commands of the operator ---------------------------------------------------------------------------------------
 
-    def open(self, source: str) -> None:
-        """Close the present source and open another; ``latest`` reports the outcome."""
-        self._request(source, None)
+    def open(self, source: str, planned: Change | None = None) -> None:
+        """Close the present source and open another; ``latest`` reports the outcome.
 
-    def _request(self, source: str, planned: Change | None) -> None:
-        """Let the thread open a source, and arm it if a shot is planned."""
+        For a ``planned`` shot it is armed at once, with options changed until the next call.
+        """
         self.source = source
         with self._wake:
             self._planned, self._arm_opened = planned, planned is not None
@@ -135,10 +134,6 @@ class Rig:
             self._running.capture.arm(automatic=self.rearm)
         elif self._fault is not None:
             self.open(self.source)
-
-    def take(self, source: str, change: Change) -> None:
-        """Open a source and arm it with changed options, which apply until ``open`` is called."""
-        self._request(source, change)
 
     def abort(self) -> None:
         if self._running is not None:

@@ -26,18 +26,18 @@ class _State:
 
 
 class Session:
-    """An ordered list of entries, saved at each change before the call returns.
+    """An ordered list of entries, changed only by the methods here and saved at each change before the call returns.
 
     If ``save_by`` is set, it saves later in another thread, and ``problem`` and ``revision`` change then.
     """
 
     def __init__(self, path: Path | None = None) -> None:
-        self._path = path
-        self._entries: tuple[Entry, ...] = ()
-        self._effects = ModelEffects()
+        self.path = path  # the session file
+        self.entries: tuple[Entry, ...] = ()  # oldest first
+        self.effects = ModelEffects()  # the effects in the model
         self._undo: list[_State] = []
         self._redo: list[_State] = []
-        self._dismissed: tuple[str, ...] = ()  # paths of recordings not to be offered, newest last
+        self.dismissed: tuple[str, ...] = ()  # paths not to be offered at the next start, newest last
         self._next = 0  # highest number ever used; numbers are not reused, because undo restores removed shots
         self.problem: str | None = None  # one line: why the session could not be saved or read
         self.revision = 0
@@ -45,26 +45,12 @@ class Session:
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
         self.unlock: Callable[[], None] = lambda: None  # releases the lock on the session file
 
-    @property
-    def entries(self) -> tuple[Entry, ...]:
-        """Get the entries, oldest first."""
-        return self._entries
-
-    @property
-    def effects(self) -> ModelEffects:
-        return self._effects
-
     def set_effects(self, effects: ModelEffects) -> None:
         """Set the effects in the model; can be undone."""
-        if effects != self._effects:
+        if effects != self.effects:
             self._remember("the change of the model")
-        self._effects = effects
-        self._set(self._entries)
-
-    @property
-    def path(self) -> Path | None:
-        """Get the session file, or None."""
-        return self._path
+        self.effects = effects
+        self._set(self.entries)
 
     @property
     def unsaved(self) -> bool:
@@ -76,11 +62,11 @@ class Session:
         return bool(self._undo)
 
     def entry(self, number: int) -> Entry | None:
-        return next((entry for entry in self._entries if entry.number == number), None)
+        return next((entry for entry in self.entries if entry.number == number), None)
 
     def entries_with(self, numbers: Collection[int]) -> list[Entry]:
         """Return the entries with these numbers, oldest first."""
-        return [entry for entry in self._entries if entry.number in numbers]
+        return [entry for entry in self.entries if entry.number in numbers]
 
     def shots(self, numbers: Sequence[int]) -> list[Shot]:
         """Return the shots of these entries, without entries not read yet, in the order of ``numbers``."""
@@ -88,7 +74,7 @@ class Session:
         return [entry.shot for entry in entries if entry is not None and entry.shot is not None]
 
     def _new_number(self) -> int:
-        self._next = 1 + max(self._next, *(entry.number for entry in self._entries), 0)
+        self._next = 1 + max(self._next, *(entry.number for entry in self.entries), 0)
         return self._next
 
     def add(self, shot: Shot, note: str | None = None, copy_of: int | None = None) -> Entry:
@@ -99,13 +85,13 @@ class Session:
         shot = self.spool_arrays(shot)
         number = self._new_number()
         entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, on_plots, copy_of=copy_of)
-        self._set((*self._entries, entry))
+        self._set((*self.entries, entry))
         return entry
 
     def add_captured(self, name: str, path: str | None, settings: AnalysisSettings) -> Entry:
         """Add a captured shot before its analysis; return its entry."""
         entry = Entry(self._new_number(), name, path, settings)
-        self._set((*self._entries, entry))
+        self._set((*self.entries, entry))
         return entry
 
     def entry_awaiting_fit(self, shot: Shot) -> Entry | None:
@@ -114,7 +100,7 @@ class Session:
         def waits(there: Shot | None) -> bool:
             return there is not None and awaits_fit(there) and _capture_of(there) == _capture_of(shot)
 
-        return next((entry for entry in reversed(self._entries) if waits(entry.shot)), None)
+        return next((entry for entry in reversed(self.entries) if waits(entry.shot)), None)
 
     def fill(self, number: int, shot: Shot, version: str = "") -> None:
         """Set the shot of an entry; ``version`` is the program version of a cached result, else ""."""
@@ -145,7 +131,7 @@ class Session:
 
     def set_path(self, name: str, path: str) -> bool:
         """Set the path of the newest shot with this name that was only in memory; return whether one exists."""
-        entry = next((e for e in reversed(self._entries) if e.name == name and e.path is None), None)
+        entry = next((e for e in reversed(self.entries) if e.name == name and e.path is None), None)
         if entry is not None:
             shot = None if entry.shot is None else replace(entry.shot, path=path)
             self._change(entry.number, lambda old: replace(old, path=path, shot=shot))
@@ -160,7 +146,7 @@ class Session:
         of = entry.verdict_of
         if not entry.verdict or of is None:
             return True
-        return of.is_valid(self._effects.of(entry.settings.model), {other.number for other in self._entries})
+        return of.is_valid(self.effects.of(entry.settings.model), {other.number for other in self.entries})
 
     def set_note(self, number: int, note: str) -> None:
         """Set the operator's note; can be undone."""
@@ -181,18 +167,13 @@ class Session:
     def remove(self, numbers: list[int]) -> None:
         """Remove entries from the list, not their recordings; can be undone."""
         self._remember("the removal")
-        self.dismiss([entry.path for entry in self._entries if entry.number in numbers and entry.path])
-        self._set(tuple(entry for entry in self._entries if entry.number not in numbers))
-
-    @property
-    def dismissed(self) -> tuple[str, ...]:
-        """Get the recordings not to be offered at the next start: removed from the session, or declined."""
-        return self._dismissed
+        self.dismiss([entry.path for entry in self.entries if entry.number in numbers and entry.path])
+        self._set(tuple(entry for entry in self.entries if entry.number not in numbers))
 
     def dismiss(self, paths: Sequence[str]) -> None:
         """Do not offer these recordings at the next start."""
-        kept = [path for path in self._dismissed if path not in set(paths)]
-        self._dismissed = (*kept, *dict.fromkeys(paths))[-MOST_DISMISSED:]
+        kept = [path for path in self.dismissed if path not in set(paths)]
+        self.dismissed = (*kept, *dict.fromkeys(paths))[-MOST_DISMISSED:]
         self._save()
 
     def undo(self) -> str | None:
@@ -208,34 +189,34 @@ class Session:
         if not back:
             return None
         state = back.pop()
-        there = {entry.number: entry for entry in self._entries}
+        there = {entry.number: entry for entry in self.entries}
         notes = {old.number: (old.note, old.plot_notes) for old in state.entries}
         returned = [old for old in state.entries if old.number not in there and old.number not in state.without]
-        kept = [entry for entry in self._entries if entry.number not in state.without]
+        kept = [entry for entry in self.entries if entry.number not in state.without]
         for place, entry in enumerate(kept):
             note, on_plots = notes.get(entry.number, (entry.note, entry.plot_notes))
             kept[place] = replace(entry, note=note, plot_notes=on_plots)
         without = frozenset(entry.number for entry in returned)
-        forth.append(_State(self._entries, state.what, self._effects, without))
-        self._effects = state.effects
+        forth.append(_State(self.entries, state.what, self.effects, without))
+        self.effects = state.effects
         self._set(tuple(sorted([*kept, *returned], key=lambda entry: entry.number)))
         return state.what
 
     def _remember(self, what: str) -> None:
-        self._undo.append(_State(self._entries, what, self._effects))
+        self._undo.append(_State(self.entries, what, self.effects))
         del self._undo[:-UNDO_DEPTH]
         self._redo.clear()
 
     def _change(self, number: int, change: Callable[[Entry], Entry]) -> None:
-        self._set(tuple(change(entry) if entry.number == number else entry for entry in self._entries))
+        self._set(tuple(change(entry) if entry.number == number else entry for entry in self.entries))
 
     def _set(self, entries: tuple[Entry, ...]) -> None:
-        self._entries = entries
+        self.entries = entries
         self.revision += 1
         self._save()
 
     def _save(self) -> None:
-        path, entries, effects, left_out = self._path, self._entries, self._effects, self._dismissed
+        path, entries, effects, left_out = self.path, self.entries, self.effects, self.dismissed
         if path is not None:
             self.save_by(lambda: self._write(path, entries, effects, left_out))
 
@@ -264,22 +245,22 @@ class Session:
 
     def switch_to(self, other: "Session") -> None:
         """Save this session, then take over the content and file of ``other``."""
-        if self._path is not None:
-            self._write(self._path, self._entries, self._effects, self._dismissed)
+        if self.path is not None:
+            self._write(self.path, self.entries, self.effects, self.dismissed)
         self.unlock()
-        self._path, self._entries, self._effects = other._path, other._entries, other._effects
-        self._dismissed = other._dismissed
+        self.path, self.entries, self.effects = other.path, other.entries, other.effects
+        self.dismissed = other.dismissed
         self.unlock, self.problem = other.unlock, other.problem
         self._undo, self._redo, self._next = [], [], other._next
         self.revision += 1
 
     def move_to(self, path: Path, unlock: Callable[[], None]) -> None:
         """Save the session to another file from now on; the former file remains."""
-        if self._path is not None:
-            self._write(self._path, self._entries, self._effects, self._dismissed)
+        if self.path is not None:
+            self._write(self.path, self.entries, self.effects, self.dismissed)
         self.unlock()
-        self._path, self.unlock = path, unlock
-        self._set(self._entries)
+        self.path, self.unlock = path, unlock
+        self._set(self.entries)
 
     @classmethod
     def reopen(cls, path: Path) -> "Session":
@@ -292,10 +273,10 @@ class Session:
             if (schema := document.text("schema", 100)) != SCHEMA:
                 raise document.error_for("schema", f"{shown(schema)} is not {SCHEMA}")
             unknown: set[str] = set()
-            session._entries = tuple(entry_from_json(item, unknown) for item in document.objects("shots") or ())
-            session._next = max((entry.number for entry in session._entries), default=0)
-            session._effects = model_effects(document)
-            session._dismissed = document.names("left_out")[-MOST_DISMISSED:]
+            session.entries = tuple(entry_from_json(item, unknown) for item in document.objects("shots") or ())
+            session._next = max((entry.number for entry in session.entries), default=0)
+            session.effects = model_effects(document)
+            session.dismissed = document.names("left_out")[-MOST_DISMISSED:]
             unknown.update(document.unread())
             if unknown:
                 session.problem = f"ignored, unknown to this version: {', '.join(sorted(unknown))}"
@@ -305,7 +286,7 @@ class Session:
             try:
                 os.replace(path, aside)
             except OSError:
-                session._path = None
+                session.path = None
         return session
 
 

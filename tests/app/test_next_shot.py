@@ -94,11 +94,11 @@ class _Rig:
     def __init__(self, source):
         self.source, self.taken, self.opened = source, [], []
 
-    def take(self, source, change):
-        self.taken.append((source, change))
-
-    def open(self, source):
-        self.opened.append(source)
+    def open(self, source, planned=None):
+        if planned is None:
+            self.opened.append(source)
+        else:
+            self.taken.append((source, planned))
 
 
 @pytest.fixture

@@ -217,7 +217,7 @@ def test_a_source_that_does_not_let_go_is_said(rig, ends: bool, held: bool, said
 
 
 def test_a_planned_change_holds_until_a_source_is_opened(rig) -> None:
-    rig.take("absent", lambda options: f"changed {options}")
+    rig.open("absent", lambda options: f"changed {options}")
     assert rig._chosen("absent", SimpleNamespace()) == "changed options" and rig._arm_opened
     rig.open("absent")
     assert rig._chosen("absent", SimpleNamespace()) == "options" and not rig._arm_opened and rig.source == "absent"

@@ -168,7 +168,7 @@ def test_a_named_session_names_the_window_and_its_folder_is_asked_first(window, 
     monkeypatch.setattr(window.workbench, "open_session", lambda path: "another window has it open")
     presenter.open_named(tmp_path / "other.json")
     assert _said(window) == ["bad: another window has it open"] and window.windowTitle() == "run-3 – Levimass"
-    monkeypatch.setattr(type(window.workbench.session), "path", property(lambda _: tmp_path / "run-3.json"))
+    monkeypatch.setattr(window.workbench.session, "path", tmp_path / "run-3.json")
     assert presenter._folder() == tmp_path
     window._store.change({"session": ""})
     assert presenter._folder() == window._store.start_folder

@@ -5,7 +5,7 @@ the session's have changed.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -32,7 +32,7 @@ class _PendingFit:
 class ModelWork:
     """Keeps each shot fitted individually with the effects in the session's model; reports new fits to ``changed``."""
 
-    def __init__(self, session: Session, work: JobQueues, notify: Notify, changed: Callable[[int, Shot], None]) -> None:
+    def __init__(self, session: Session, work: JobQueues, notify: Notify, changed: Callable[[Entry], None]) -> None:
         self._session, self._work, self._notify, self._changed = session, work, notify, changed
         self._loaded: SavedModel | None = None
         self._pending: dict[int, _PendingFit] = {}  # by the entry's number
@@ -106,9 +106,7 @@ class ModelWork:
         if entry is None or entry.shot is None or not _same_motion(entry.shot, of):
             return
         if effects == self._effects_for(entry.shot):
-            shot = replace(fitted, path=entry.path)  # the recording may have been saved to another folder meanwhile
-            self._session.fill(number, shot)
-            self._changed(number, shot)
+            self._changed(self._session.fill(number, fitted))
 
     def forget(self) -> None:
         """Drop the pending fits and the model file of a session that is closed."""

@@ -167,14 +167,9 @@ class CacheWork:
     def __init__(self, results: ResultCache, short_jobs: Jobs) -> None:
         self._results, self._short_jobs = results, short_jobs
 
-    def keep(self, shots: Sequence[Shot]) -> None:
-        """Queue the storing of analysed shots."""
-
-        def work(_: Progress, __: Stop) -> None:
-            for shot in shots:
-                self._results.store_shot(shot)
-
-        self._short_jobs.submit("saving results to the cache", work, "keep")
+    def keep(self, shot: Shot) -> None:
+        """Queue the storing of an analysed shot."""
+        self._short_jobs.submit("saving results to the cache", lambda _, __: self._results.store_shot(shot), "keep")
 
     def store_diagnosis(self, found: Diagnosed, keys: Sequence[Key]) -> None:
         """Queue the storing of a diagnosis; ``keys`` belong to its entries, in the same order."""

@@ -77,14 +77,13 @@ class Session:
         self._next = 1 + max(self._next, *(entry.number for entry in self.entries), 0)
         return self._next
 
-    def add(self, shot: Shot, note: str | None = None, copy_of: int | None = None) -> Entry:
+    def add(self, shot: Shot, copy_of: int | None = None) -> Entry:
         """Add an analysed shot and return its entry."""
-        words = shot.note if note is None else note
         original = None if copy_of is None else self.entry(copy_of)
         on_plots = () if original is None else original.plot_notes
         shot = self.spool_arrays(shot)
         number = self._new_number()
-        entry = Entry(number, shot.name, shot.path, shot.settings, shot, words, on_plots, copy_of=copy_of)
+        entry = Entry(number, shot.name, shot.path, shot.settings, shot, shot.note, on_plots, copy_of=copy_of)
         self._set((*self.entries, entry))
         return entry
 
@@ -102,29 +101,26 @@ class Session:
 
         return next((entry for entry in reversed(self.entries) if waits(entry.shot)), None)
 
-    def fill(self, number: int, shot: Shot, version: str = "") -> None:
-        """Set the shot of an entry; ``version`` is the program version of a cached result, else ""."""
+    def fill(self, number: int, shot: Shot, *, version: str = "", note: str = "") -> Entry:
+        """Set the shot of an entry, with its ``note`` unless the entry has one; return the entry.
 
+        ``version`` is the program version of a cached result, else "".
+        """
         shot = self.spool_arrays(shot)
 
         def filled(entry: Entry) -> Entry:
-            return replace(entry, shot=shot, name=shot.name, settings=shot.settings, version=version)
-
-        self._change(number, filled)
-
-    def complete(self, number: int, shot: Shot) -> Entry:
-        """Set the analysed shot of an entry added at its capture; return the entry."""
-
-        shot = self.spool_arrays(shot)
-
-        def whole(entry: Entry) -> Entry:
-            path = shot.path or entry.path  # the recording may have been saved to another folder in the meantime
-            placed = replace(shot, path=path)
+            path = entry.path or shot.path  # the recording may have been saved to another folder in the meantime
             return replace(
-                entry, shot=placed, path=path, settings=shot.settings, note=entry.note or shot.note, name=shot.name
+                entry,
+                shot=replace(shot, path=path),
+                path=path,
+                name=shot.name,
+                settings=shot.settings,
+                note=entry.note or note,
+                version=version,
             )
 
-        self._change(number, whole)
+        self._change(number, filled)
         entry = self.entry(number)
         assert entry is not None
         return entry

@@ -148,9 +148,9 @@ class Workbench:
         effects = self.session.effects.of(entry.settings.model)
         return Key(entry.path or "", replace(entry.settings, effects=effects))
 
-    def _keep(self, shots: Sequence[Shot]) -> None:
-        if self._kept is not None:
-            self._kept.keep(shots)
+    def _keep(self, shot: Shot | None) -> None:
+        if self._kept is not None and shot is not None:
+            self._kept.keep(shot)
 
     def find_unlisted(self, folder: Path, sessions: Sequence[Path] = ()) -> None:
         """Queue a search for recordings in ``folder`` that neither this session nor ``sessions`` list."""
@@ -197,13 +197,12 @@ class Workbench:
         where = None if shot.path is None else str(Path(shot.path))
         number = self._captured.pop((shot.name, where), None)
         if number is None:
-            path = self.unsaved.path_of(shot.name) if shot.path is None else None
-            entry = self.session.add(shot if path is None else replace(shot, path=path))
+            entry = self.session.add(replace(shot, path=shot.path or self.unsaved.path_of(shot.name)))
         elif self.session.entry(number) is None:
-            self._keep([shot])
+            self._keep(shot)
             return None
         else:
-            entry = self.session.complete(number, shot)
+            entry = self.session.fill(number, shot, note=shot.note)
         if not awaits_fit(shot):
             self._store_or_refit(entry)
         return entry
@@ -216,20 +215,16 @@ class Workbench:
         if shot.fit_problem == STOPPED:  # Abort stopped the fit; a background job repeats it
             self.model.refit_outdated(also=[awaiting])
             return awaiting
-        self.session.fill(awaiting.number, replace(shot, path=awaiting.path))
-        entry = self.session.entry(awaiting.number)
-        assert entry is not None
+        entry = self.session.fill(awaiting.number, shot)
         self._store_or_refit(entry)
         return entry
 
     def _store_or_refit(self, entry: Entry) -> None:
         """Cache the result of a captured shot, or refit the shot if the model has changed."""
-        shot = entry.shot
-        assert shot is not None
         if self.model.needs_refit(entry):
             self.model.refit_outdated()
         else:
-            self._keep([shot])
+            self._keep(entry.shot)
 
     def add_unanalysed(self, path: Path | None, problem: str, name: str) -> Entry | None:
         """Add a shot that the rig captured but could not analyse."""
@@ -315,10 +310,10 @@ class Workbench:
     def _notify(self, kind: EventKind, words: str, numbers: tuple[int, ...] = (), paths: tuple[Path, ...] = ()) -> None:
         self._waiting.append(Event(kind, words, numbers, paths))
 
-    def _changed(self, number: int, shot: Shot) -> None:
+    def _changed(self, entry: Entry) -> None:
         """Cache an entry's new shot and report the change to the window."""
-        self._keep([shot])
-        self._notify(EventKind.CHANGED, "", (number,))
+        self._keep(entry.shot)
+        self._notify(EventKind.CHANGED, "", (entry.number,))
 
     def _take_diagnosis(self, numbers: tuple[int, ...], diagnosis: Diagnosis) -> None:
         result = self._held(Diagnosed(diagnosis, numbers))
@@ -339,7 +334,7 @@ class Workbench:
 
     def _take_opened(self, copy_of: int | None, shot: Shot) -> None:
         entry = self.session.add(shot, copy_of=copy_of)
-        self._keep([shot])
+        self._keep(entry.shot)
         self.model.refit_outdated()
         self._notify(EventKind.SHOT, f"{entry.name} opened", (entry.number,))
 
@@ -347,9 +342,9 @@ class Workbench:
         entry = self.session.entry(number)
         if entry is None or (entry.shot is not None and entry.shot.motion is not None):
             return  # the entry was removed or is already analysed
-        self.session.fill(number, shot)
+        filled = self.session.fill(number, shot)
         self.model.refit_outdated()
-        self._changed(number, shot)
+        self._changed(filled)
 
     def _take_unlisted(self, result: Unlisted) -> None:
         if result.cut_off:
@@ -367,7 +362,7 @@ class Workbench:
         waiting = [entry for entry in waiting if entry.shot is None]
         for entry in waiting:
             if (kept := cached[entry.number]) is not None:
-                self.session.fill(entry.number, kept.shot, kept.version)
+                self.session.fill(entry.number, kept.shot, version=kept.version)
         self.model.refit_outdated()
         for entry in waiting:
             if cached[entry.number] is None:

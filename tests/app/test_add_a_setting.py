@@ -73,7 +73,9 @@ def test_every_field_survives_a_session(kind, tmp_path, monkeypatch):
     monkeypatch.setattr(entry_module, "AnalysisSettings", kind)
     session = Session(tmp_path / "session.json")
     session.add(replace(synthetic.bare_shot("shot-1"), path="/data/1"))
-    session.add(replace(synthetic.bare_shot("shot-2"), path="/data/2", settings=changed(kind)), "a note", copy_of=1)
+    session.add(
+        replace(synthetic.bare_shot("shot-2"), path="/data/2", settings=changed(kind), note="a note"), copy_of=1
+    )
     session.set_verdict(2, "adequate", VerdictBasis((named("tilt"),), (named("adhesion"),), (1, 2)))
     session.change_plot_note(2, None, PlotNote("force", 0.01, 0.5, "the plate's own note"))
     before, after = session.entries[1], Session.reopen(tmp_path / "session.json").entries[1]

@@ -32,7 +32,7 @@ def test_a_session_is_on_disk_when_the_saver_has_ended_and_a_full_disk_is_told(t
     session.save_by = saver.submit
     shot = replace(synthetic.bare_shot("shot-1"), path="/data/x.sigmf-meta")
     for number in range(5):
-        session.add(shot, note=str(number))
+        session.add(replace(shot, note=str(number)))
     assert saver.close()
     assert [entry.note for entry in Session.reopen(path).entries] == ["0", "1", "2", "3", "4"]
     assert session.problem is None

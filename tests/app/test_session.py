@@ -138,7 +138,7 @@ def test_a_note_written_before_the_analysis_came_is_kept_and_else_that_of_the_re
     for name in ("a", "b"):
         session.add_captured(name, None, synthetic.bare_shot(name).settings)
     session.set_note(1, "wobbled")
-    notes = [session.complete(n, replace(synthetic.bare_shot("x"), note="of the recording")).note for n in (1, 2)]
+    notes = [session.fill(n, synthetic.bare_shot("x"), note="of the recording").note for n in (1, 2)]
     assert notes == ["wobbled", "of the recording"]
 
 

@@ -20,7 +20,7 @@ from tests.app import rigs, synthetic
 def workbench(tmp_path):
     shot = synthetic.bare_shot("a")
     workbench = Workbench(last_session("", tmp_path), lambda: shot.settings)
-    workbench.session.add(replace(shot, path=str(tmp_path / "a.csv")), note="first")
+    workbench.session.add(replace(shot, path=str(tmp_path / "a.csv"), note="first"))
     yield workbench
     workbench.close()
 

@@ -71,7 +71,7 @@ def test_a_session_holds_shots_and_diagnoses_so_whatever_way_they_come(tmp_path,
         first = bench.session.add(shot)
         bench.session.fill(first.number, shot)
         captured = bench.session.add_captured("shot-2", None, AnalysisSettings())
-        bench.session.complete(captured.number, shot)
+        bench.session.fill(captured.number, shot)
         for entry in bench.session.entries:
             assert _same(entry.shot, shot) and _own_bytes(entry.shot) < 20 * LEAST_BYTES
         found = _diagnosed(bench, shot)

@@ -8,7 +8,6 @@ from .exports import (
     shot_columns,
     shot_row,
     write_motion,
-    write_shots,
     write_table,
 )
 from .number_tables import PAPER_SECTIONS, fit_lines, paper_cells, readable_unit, shown_number, summary
@@ -43,6 +42,5 @@ __all__ = [
     "time_zero",
     "write_motion",
     "write_pdf",
-    "write_shots",
     "write_table",
 ]

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -83,7 +83,8 @@ def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
     for shot, name in zip(shots, files, strict=True):
         if name:
             write_motion(shot, folder / name)
-    write_shots([shot_row(shot, name) for shot, name in zip(shots, files, strict=True)], folder / "shots.csv")
+    rows = [shot_row(shot, name) for shot, name in zip(shots, files, strict=True)]
+    write_table(shot_columns(), rows, folder / "shots.csv")
     write_table(BUDGET_COLUMNS, _budget_rows(shots), folder / "budget.csv")
     tables = ["shots.csv", "budget.csv"]
     if len(shots) > 1:
@@ -144,14 +145,6 @@ def write_motion(shot: Shot, path: Path) -> None:
     lines = [",".join(columns)]
     lines += [",".join("" if value != value else repr(value) for value in row) for row in table.tolist()]
     write_text_atomic(path, "\n".join(lines) + "\n", sync=True)
-
-
-def write_shots(rows: Iterable[Sequence[str]], path: Path) -> None:
-    """Write ``shots.csv`` from rows of ``shot_row``.
-
-    After each reading: its combined standard uncertainty (``_std``) and that from noise alone (``_std_noise``).
-    """
-    write_table(shot_columns(), rows, path)
 
 
 def write_table(header: Sequence[str], rows: Iterable[Sequence[str]], path: Path) -> None:
@@ -277,7 +270,8 @@ def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
     with h5py.File(memory, "w") as file:
         group = file.create_group("motion")
         for name, values in motion_columns(shot).items():
-            _data_set(group, name, values)
+            item = group.create_dataset(name, data=values, compression="gzip", compression_opts=4, shuffle=True)
+            item.attrs["unit"] = words_and_unit(name)[1]
         group.create_dataset("valid", data=shot.motion.valid.astype(np.uint8), compression="gzip", shuffle=True)
         group.attrs["sample_rate_hz"] = shot.motion.sample_rate_hz
         group.attrs["bandwidth_hz"] = shot.motion.bandwidth_hz
@@ -292,11 +286,6 @@ def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
         result = {key: value for key, value in shot_result(shot, others).items() if key != "budget"}
         file.attrs["result"] = json.dumps(result, allow_nan=False)
     return memory.getbuffer()
-
-
-def _data_set(group: Any, name: str, values: np.ndarray) -> None:
-    item = group.create_dataset(name, data=values, compression="gzip", compression_opts=4, shuffle=True)
-    item.attrs["unit"] = words_and_unit(name)[1]
 
 
 def _attribute(text: str) -> str:

@@ -65,14 +65,8 @@ def write_pdf(html: str, path: Path) -> None:
     try:
         writer = QPdfWriter(str(temporary))
         margins = QMarginsF(_MARGIN_MM, _MARGIN_MM, _MARGIN_MM, _MARGIN_MM)
-        writer.setPageLayout(
-            QPageLayout(
-                QPageSize(QPageSize.PageSizeId.A4),
-                QPageLayout.Orientation.Portrait,
-                margins,
-                QPageLayout.Unit.Millimeter,
-            )
-        )
+        writer.setPageSize(QPageSize(QPageSize.PageSizeId.A4))
+        writer.setPageMargins(margins, QPageLayout.Unit.Millimeter)
         writer.setResolution(96)
         document = document_of(html)
         document.setPageSize(QSizeF(writer.width(), writer.height()))

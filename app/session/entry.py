@@ -46,9 +46,7 @@ def entry_from_json(item: CheckedTable, unknown: set[str]) -> Entry:
     """Return an entry from the session file; names unknown to this version are added to ``unknown``."""
 
     def settings(item: CheckedTable) -> AnalysisSettings:
-        chosen = item.object("settings")
-        if chosen is None:
-            raise item.error_for("settings", "missing")
+        chosen = item.required_object("settings")
         built = chosen.read_dataclass(AnalysisSettings, {"corrections": _corrections, "effects": _effects})
         unknown.update(chosen.unread())
         return built
@@ -59,7 +57,7 @@ def entry_from_json(item: CheckedTable, unknown: set[str]) -> Entry:
     def plot_notes(item: CheckedTable) -> tuple[PlotNote, ...]:
         notes = []
         for listed in item.objects("plot_notes") or ():
-            note = listed.read_dataclass(PlotNote, {"text": _text})
+            note = listed.read_dataclass(PlotNote, {"text": lambda note: note.text("text", LONGEST) or ""})
             unknown.update(listed.unread())
             if note.plot in UNITS:
                 notes.append(note)
@@ -71,8 +69,7 @@ def entry_from_json(item: CheckedTable, unknown: set[str]) -> Entry:
         basis = item.object("verdict_of")
         if basis is None:
             return None
-        chosen = item.object("settings")
-        base = _base(chosen) if chosen is not None else ""
+        base = _base(item.required_object("settings"))
         keys = basis.names("effects"), basis.names("found")
         effects, found = (known_effects(given, base) for given in keys)
         built = basis.read_dataclass(VerdictBasis, {"effects": lambda _: effects, "found": lambda _: found})
@@ -84,7 +81,7 @@ def entry_from_json(item: CheckedTable, unknown: set[str]) -> Entry:
         "verdict_of": verdict_of,
         "shot": lambda _: None,
         "version": lambda _: "",
-        "name": _name,
+        "name": lambda item: item.text("name") or "",
         "plot_notes": plot_notes,
     }
     entry = item.read_dataclass(Entry, own)
@@ -116,14 +113,6 @@ def _base(settings: CheckedTable) -> str:
 
 def _effects(settings: CheckedTable) -> tuple[Effect, ...]:
     return known_effects(settings.names("effects"), _base(settings))
-
-
-def _name(item: CheckedTable) -> str:
-    return item.text("name", 10_000) or ""
-
-
-def _text(item: CheckedTable) -> str:
-    return item.text("text", LONGEST) or ""
 
 
 def _corrections(chosen: CheckedTable) -> tuple[tuple[str, float | None], ...]:

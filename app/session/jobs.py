@@ -102,24 +102,26 @@ class Jobs:
         job = Job(name, work, kind, take)
         with self._wake:
             job.cancelled = self._closing
-            for other in (*self._waiting, self.current):
-                if other is not None and other.kind in PREEMPTED_KINDS and kind not in PREEMPTED_KINDS:
+            for other in self._open():
+                if other.kind in PREEMPTED_KINDS and kind not in PREEMPTED_KINDS:
                     other.cancel()  # the window queues it again when needed
             self._waiting.append(job)
             self._wake.notify()
         return job
 
+    def _open(self) -> list[Job]:
+        """Return the queued and running jobs."""
+        with self._wake:
+            return [job for job in (*self._waiting, self.current) if job is not None]
+
     @property
     def open_jobs(self) -> int:
         """Get the number of queued and running jobs."""
-        with self._wake:
-            return len(self._waiting) + (self.current is not None)
+        return len(self._open())
 
     def waiting(self, *kinds: str) -> int:
         """Return the number of queued and running jobs of these kinds, without cancelled ones."""
-        with self._wake:
-            jobs = [*self._waiting, *([self.current] if self.current is not None else [])]
-        return sum(job.kind in kinds and not job.cancelled for job in jobs)
+        return sum(job.kind in kinds and not job.cancelled for job in self._open())
 
     def waiting_words(self, job: Job, what: str) -> str:
         """Return "computing ``what`` ..." if ``job`` is next or running, else which job it waits for."""
@@ -135,8 +137,8 @@ class Jobs:
     def cancel(self, kind: str | None = None, *, ended: bool = False) -> None:
         """Cancel the jobs of a kind, or all; ``ended``: also jobs whose result has not been collected."""
         with self._wake:
-            for job in (*self._waiting, self.current, *(self._finished if ended else ())):
-                if job is not None and (kind is None or job.kind == kind):
+            for job in (*self._open(), *(self._finished if ended else ())):
+                if kind is None or job.kind == kind:
                     job.cancel()
 
     def close(self, timeout_s: float = 10.0, *, finish: bool = False) -> bool:

@@ -8,6 +8,8 @@ from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import TracebackType
 
+from app.session.jobs import pop_all
+
 _LOG = logging.getLogger("levimass")
 _MOST_BYTES = 1_000_000
 NAME = "levimass.log"
@@ -47,10 +49,7 @@ class ProgramLog:
 
     def take_problems(self) -> list[str]:
         """Return the uncaught exceptions since the last call, one line each."""
-        problems = []
-        while self._problems:
-            problems.append(self._problems.popleft())
-        return problems
+        return pop_all(self._problems)
 
     def _uncaught(self, kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
         if issubclass(kind, SystemExit | KeyboardInterrupt):

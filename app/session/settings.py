@@ -8,7 +8,8 @@ from pathlib import Path
 from platformdirs import user_documents_path
 
 from analysis.planning import ADDED_KG, SPEEDS_M_PER_S, Reach
-from analysis.shot import Air, Setup
+from analysis.shot import NAMES as RIG_VALUES
+from analysis.shot import Setup, corrected
 from instrument.bench import LEVELS_M_PER_S, NAMES, USUAL_SITE
 from instrument.capture import CaptureOptions
 from instrument.devices import CaptureSettings, Digitizer, DigitizerError, network_source, source_of
@@ -148,17 +149,7 @@ class Settings(AnalysisChoices):
     @property
     def setup(self) -> Setup:
         """Get the description of the rig, for sources that do not provide one."""
-        air = None
-        if self.temperature_c is not None and self.pressure_pa is not None and self.humidity_percent is not None:
-            air = Air(self.temperature_c, self.pressure_pa, self.humidity_percent)
-        return Setup(
-            moving_mass_kg=self.moving_mass_kg,
-            moving_mass_u_kg=self.moving_mass_u_kg,
-            wavelength_vacuum_m=self.wavelength_vacuum_m,
-            wavelength_air_m=self.wavelength_air_m,
-            air=air,
-            rest_frequency_hz=self.rest_frequency_hz,
-        )
+        return corrected(Setup(self.moving_mass_kg), {name: getattr(self, name) for name in RIG_VALUES})
 
     def options(self, source: str, digitizer: Digitizer) -> CaptureOptions:
         """Return the capture options for a source, at its nearest sample rate; creates the data folder."""

@@ -15,7 +15,7 @@ from app.command_line.campaign.task import Entry, NotReached, Task, failed_entry
 from app.command_line.campaign.worker_pool import ProcessPool, WorkerPool
 from app.command_line.options import known_model
 from app.command_line.outputs import Outputs, check_outputs, error_line, problem_line, say
-from app.report import write_shots
+from app.report import shot_columns, write_table
 from instrument.files import RecordingError, find_recordings, write_text_atomic
 
 TASKS_PER_WORKER = 4  # tasks queued per worker, so that no worker waits
@@ -135,7 +135,7 @@ def _write_results(
             yield entry
 
     if export_to is not None:
-        write_shots((entry["row"] for entry in entries()), export_to / "shots.csv")
+        write_table(shot_columns(), (entry["row"] for entry in entries()), export_to / "shots.csv")
     if json_to and json_to != "-":
         write_text_atomic(Path(json_to), _result_text(entries()), sync=True)
     missed = sum(task.stamp not in journal for task in tasks)

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from app.command_line.options import WINDOW
 from app.command_line.parser import command_of, parse, settings_from
 from app.words import EscapingStream
 
@@ -26,9 +25,37 @@ Run = Callable[[], int]
 
 def prepared_command(options: argparse.Namespace, arguments: Sequence[str]) -> Run:
     """Import a command's modules and return the function that runs it; that function returns the exit status."""
-    if (command := command_of(options)) == WINDOW:
-        return partial(window, arguments, site=options.site)
-    return _MODES[command](options)
+    match command_of(options):
+        case "replay":
+            return _replay(options)
+        case "acquire":
+            return _acquire(options)
+        case "simulate":
+            from app.command_line.acquire import simulate
+
+            how = {name: getattr(options, name) for name in ("shots", "seed", "effect", "undeclared", "site")}
+            return partial(simulate, options.simulate, **how)
+        case "map":
+            from app.command_line.map_foreign import MapOptions, map_foreign
+
+            given = MapOptions(
+                options.mass, options.rate, options.rest, options.wavelength, options.bits, options.unit, options.model
+            )
+            roles = options.channel, options.volts
+            return partial(map_foreign, options.map, *roles, given, for_folder=options.for_folder)
+        case "paper":
+            from app.command_line.paper import paper
+
+            return partial(paper, options.json, options.figures, options.paper or None)
+        case "prepare":
+            from app.command_line.doctor import prepare
+
+            return partial(prepare, options.jobs)
+        case "doctor":
+            from app.command_line.doctor import doctor
+
+            return partial(doctor, source=options.source, bundle=options.bundle)
+    return partial(window, arguments, site=options.site)
 
 
 def window(argv: Sequence[str] | None = None, *, site: str | None = None) -> int:
@@ -86,58 +113,6 @@ def _acquire(options: argparse.Namespace) -> Run:
     from app.command_line.resolve import resolve
 
     return partial(resolve, options.acquire, options.resolve, request, options.json, reach_of(options))
-
-
-def _simulate(options: argparse.Namespace) -> Run:
-    from app.command_line.acquire import simulate
-
-    return partial(
-        simulate,
-        options.simulate,
-        shots=options.shots,
-        seed=options.seed,
-        effect=options.effect,
-        undeclared=options.undeclared,
-        site=options.site,
-    )
-
-
-def _map(options: argparse.Namespace) -> Run:
-    from app.command_line.map_foreign import MapOptions, map_foreign
-
-    mapping = MapOptions(
-        options.mass, options.rate, options.rest, options.wavelength, options.bits, options.unit, options.model
-    )
-    return partial(map_foreign, options.map, options.channel, options.volts, mapping, for_folder=options.for_folder)
-
-
-def _paper(options: argparse.Namespace) -> Run:
-    from app.command_line.paper import paper
-
-    return partial(paper, options.json, options.figures, options.paper or None)
-
-
-def _prepare(options: argparse.Namespace) -> Run:
-    from app.command_line.doctor import prepare
-
-    return partial(prepare, options.jobs)
-
-
-def _doctor(options: argparse.Namespace) -> Run:
-    from app.command_line.doctor import doctor
-
-    return partial(doctor, source=options.source, bundle=options.bundle)
-
-
-_MODES: dict[str, Callable[[argparse.Namespace], Run]] = {
-    "replay": _replay,
-    "acquire": _acquire,
-    "simulate": _simulate,
-    "map": _map,
-    "paper": _paper,
-    "prepare": _prepare,
-    "doctor": _doctor,
-}
 
 
 OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130

@@ -31,7 +31,14 @@ def doctor(folder: Path | None = None, source: str | None = None, bundle: Path |
 
     ``bundle`` is the path of the ZIP file for support.
     """
-    checks = [_program(), *check_computer(folder or Path.cwd()), _qt(), _kernels(), _log()]
+    where = Path(__file__).resolve().parents[2]
+    checks = [
+        Check("levimass", Grade.OK, f"{installed('levimass')}, in {where}"),
+        *check_computer(folder or Path.cwd()),
+        _qt(),
+        _kernels(),
+        Check("log", Grade.OK, str(user_log_path("levimass") / NAME)),
+    ]
     if source is not None:
         checks += _signals(source)
     for check in checks:
@@ -58,20 +65,12 @@ def _signals(source: str) -> list[Check]:
         return [Check("source", Grade.FAIL, str(error))]
 
 
-def _program() -> Check:
-    return Check("levimass", Grade.OK, f"{installed('levimass')}, in {Path(__file__).resolve().parents[2]}")
-
-
 def _kernels() -> Check:
     folder = cache_folder()
     size = sum(file.stat().st_size for file in folder.rglob("*.nb*")) / 1e6
     if complete():
         return Check("compiled code", Grade.OK, f"complete, {size:.0f} MB in {folder}")
     return Check("compiled code", Grade.OK, f"not complete, {size:.0f} MB in {folder}; levimass --prepare completes it")
-
-
-def _log() -> Check:
-    return Check("log", Grade.OK, str(user_log_path("levimass") / NAME))
 
 
 def _qt() -> Check:

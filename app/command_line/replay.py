@@ -63,17 +63,6 @@ class PlannedShots:
     result: dict[str, Any] | None
 
 
-@dataclass(frozen=True, slots=True)
-class _Results:
-    """All results of one call, for its outputs."""
-
-    shots: Sequence[Shot]
-    diagnosis: Diagnosis | None
-    prediction: PredictionTest | None
-    planned: PlannedShots | None
-    tried: Sequence[Effect]  # effects in the model that no diagnosis found
-
-
 def replay(
     paths: Sequence[Path],
     request: ReplayRequest,
@@ -108,13 +97,13 @@ def replay(
         shots = read_together(shots, diagnosis.fit_after)
     prediction = _prediction(shots, known) if request.test_model and known is not None else None
     planned = plan_shots(shots, diagnosis, request.plan, request.reach) if request.plan is not None else None
-    found = _Results(shots, diagnosis, prediction, planned, known.tried if known is not None else ())
-    ok = _write(found, outputs) and not failed
+    tried = known.tried if known is not None else ()  # effects in the model that no diagnosis found
+    ok = _write(outputs, shots, diagnosis, prediction, planned, tried) and not failed
     ok &= (prediction is not None or not request.test_model) and (planned is not None or request.plan is None)
     if known is not None and diagnosis is not None:
         _say_drift(known, diagnosis)
     if outputs.model is not None:
-        ok &= _save_model(found, outputs.model)
+        ok &= _save_model(outputs.model, shots, diagnosis, tried)
     return 0 if ok and shots and not any(shot.problem or shot.fit_problem for shot in shots) else 1
 
 
@@ -167,22 +156,27 @@ def _say_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
             say(f"{name} deviates by {deviation:+.1f} σ from the model file")
 
 
-def _save_model(found: _Results, path: Path) -> bool:
-    diagnosis = found.diagnosis
+def _save_model(path: Path, shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[Effect]) -> bool:
     if diagnosis is None or not diagnosis.fit_after.converged:
         say(f"{path}: no model to save without a diagnosis whose fit converged")
         return False
     try:
-        write_model(path, diagnosis.fit_after, found.shots, diagnosis, found.tried)
+        write_model(path, diagnosis.fit_after, shots, diagnosis, tried)
     except RecordingError as error:
         say(error)
         return False
     return True
 
 
-def _write(found: _Results, outputs: Outputs) -> bool:
+def _write(
+    outputs: Outputs,
+    shots: Sequence[Shot],
+    diagnosis: Diagnosis | None,
+    prediction: PredictionTest | None,
+    planned: PlannedShots | None,
+    tried: Sequence[Effect],
+) -> bool:
     """Write all outputs; a failed one is reported in one line and does not stop the others."""
-    shots, diagnosis, prediction, planned = found.shots, found.diagnosis, found.prediction, found.planned
     texts: list[str] = []
 
     def make_text() -> None:
@@ -191,7 +185,7 @@ def _write(found: _Results, outputs: Outputs) -> bool:
 
     def write_report(path: Path) -> None:
         words = planned.words if planned is not None else ""
-        page = report_of(shots, diagnosis, prediction=prediction, tried=found.tried, next_shots=words)
+        page = report_of(shots, diagnosis, prediction=prediction, tried=tried, next_shots=words)
         write_text_atomic(path, page, sync=True)
 
     ok = _written(make_text, "the result") if outputs.json else True

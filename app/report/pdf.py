@@ -1,13 +1,13 @@
 """The report as PDF: HTML laid out by Qt, with figures and legend keys drawn from SVG.
 
-In a browser a figure takes its colours from the page's style sheet.  Qt draws each figure without the style sheet and
-would fill all shapes with black.  The rules are therefore written into the elements' attributes.
+In a browser a figure takes its colours from the page's style sheet.  Qt draws each figure by itself and would fill all
+shapes with black, so each gets the sheet's rules for figures, without variables, which Qt's SVG does not support.
 """
 
 import os
 import re
+from functools import cache
 from pathlib import Path
-from xml.etree import ElementTree
 
 from PySide6.QtCore import QByteArray, QMarginsF, QSizeF, QUrl
 from PySide6.QtGui import QGuiApplication, QImage, QPageLayout, QPageSize, QPainter, QPdfWriter, QTextDocument
@@ -22,13 +22,10 @@ _WIDTH = 680  # width of a figure that spans the page, in the document's pixels
 _KEY_SIZE = (26, 10)
 _OVERSAMPLING = 3.0  # pixels of a figure per pixel of the document
 _MARGIN_MM = 15.0
-_RULE = re.compile(r"([^{}]+)\{([^{}]*)\}")
+_RULE = re.compile(r"(?:svg |(?=\.series-))(\.?[\w-]+ \{[^{}]*\})")  # of a figure's elements, without "svg "
+_VALUE = re.compile(r"(--[\w-]+): ([^;]+);")
 _VARIABLE = re.compile(r"var\((--[\w-]+)\)")
-_SELECTOR = re.compile(r"(?:svg )?(\.?[\w-]+)$")
-_PROPERTIES = ("fill", "stroke", "stroke-width", "stroke-dasharray", "stroke-linejoin", "text-anchor", "font-size")
 NAMESPACE = "http://www.w3.org/2000/svg"
-
-Style = dict[str, str]  # property -> value
 
 
 def document_of(html: str) -> QTextDocument:
@@ -79,7 +76,9 @@ def write_pdf(html: str, path: Path) -> None:
 
 def _drawn(svg: str, width: float) -> QImage:
     """Return a figure as an image that keeps its width relative to the page."""
-    renderer = QSvgRenderer(QByteArray(with_own_style(svg, style_sheet()).encode("utf-8")))
+    head, _, elements = svg.partition(">")
+    styled = f'{head} xmlns="{NAMESPACE}"><style>{figure_rules()}</style>{elements}'
+    renderer = QSvgRenderer(QByteArray(styled.encode("utf-8")))
     size = renderer.defaultSize()
     narrower = width == _WIDTH and size.width() < WIDTH  # two side by side
     wide = 0.96 * width * size.width() / WIDTH if narrower else width
@@ -92,37 +91,9 @@ def _drawn(svg: str, width: float) -> QImage:
     return image
 
 
-def rules_of(sheet: str) -> dict[str, Style]:
-    """Return the rules of a style sheet that apply to figures, by "name" or ".class", with variables replaced."""
-    plain = re.sub(r"/\*.*?\*/|@media[^{]*\{(?:[^{}]*\{[^{}]*\})*[^{}]*\}", "", sheet, flags=re.DOTALL)
-    parsed = [(selectors.strip(), _declared(body)) for selectors, body in _RULE.findall(plain)]
-    variables = {name: value for _, body in parsed for name, value in body.items() if name.startswith("--")}
-    rules: dict[str, Style] = {}
-    for selectors, body in parsed:
-        style = {
-            name: _VARIABLE.sub(lambda found: variables[found[1]], body[name]) for name in _PROPERTIES if name in body
-        }
-        for selector in selectors.split(","):
-            found = _SELECTOR.match(selector.strip())
-            if style and found is not None:
-                rules.setdefault(found[1], {}).update(style)
-    return rules
-
-
-def with_own_style(svg: str, sheet: str) -> str:
-    """Return a figure (an ``svg`` element) with the style sheet's rules as attributes of its elements."""
-    rules = rules_of(sheet)
-    root = ElementTree.fromstring(svg)
-    for element in root.iter():
-        own: Style = {}
-        for selector in (element.tag.rpartition("}")[2], *(f".{name}" for name in element.get("class", "").split())):
-            own |= rules.get(selector, {})
-        for name, value in own.items():
-            element.set(name, value.removesuffix("px"))
-    root.set("xmlns", NAMESPACE)
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def _declared(body: str) -> Style:
-    pairs = (part.partition(":") for part in body.split(";") if ":" in part)
-    return {name.strip(): value.strip() for name, _, value in pairs}
+@cache
+def figure_rules() -> str:
+    """Return the style sheet's rules for the elements of figures, with variables replaced."""
+    sheet = style_sheet()
+    values = dict(_VALUE.findall(sheet))
+    return _VARIABLE.sub(lambda found: values[found[1]], " ".join(_RULE.findall(sheet)))

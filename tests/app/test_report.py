@@ -19,10 +19,10 @@ from analysis.shot.recording import Air, Plate, Setup
 from analysis.uncertainty.gum_budget import budget
 from app.command_line.cli import main
 from app.report.page import MOST_DRAWN, report_of
-from app.report.pdf import rules_of, with_own_style, write_pdf
+from app.report.pdf import figure_rules, write_pdf
 from app.report.provenance import taken_with
 from app.report.shot_figures import figures
-from app.report.svg_plot import Line, Plot, decimate_curve, draw, style_sheet, ticks
+from app.report.svg_plot import Line, Plot, decimate_curve, draw, ticks
 from app.words.markup import Markup, tag
 from app.words.markup import table as tag_table
 from instrument.files.recording_file import read_recording
@@ -287,13 +287,10 @@ def test_the_plots_on_paper_are_curves_and_no_black_boxes(qapp: object, tmp_path
 
 
 def test_a_figure_alone_has_the_colours_that_the_sheet_gives_it() -> None:
-    svg = '<svg viewBox="0 0 9 9"><path class="simulated" d="M0 0L9 9"/><text class="tick-y">1</text></svg>'
-    alone = with_own_style(svg, style_sheet())
-    assert 'stroke="#f0803c"' in alone and 'fill="none"' in alone and 'text-anchor="end"' in alone
-    rules = rules_of(style_sheet())
-    assert all("var(" not in value for style in rules.values() for value in style.values())
+    rules = figure_rules()
+    assert ".simulated { stroke: #f0803c; stroke-width: 3.6; }" in rules and "var(" not in rules
     kinds = {found for found in re.findall(r'class="([\w-]+)"', "".join(map(str, figures(shot()))))}
-    assert {f".{kind}" for kind in kinds - {"key", "label"}} <= {*rules}
+    assert all(f".{kind} {{" in rules for kind in kinds - {"key"})
 
 
 def test_a_figure_bears_its_title_and_says_what_it_shows() -> None:
@@ -304,12 +301,6 @@ def test_a_figure_bears_its_title_and_says_what_it_shows() -> None:
         captions, ("over the whole shot", "noise", "Bounces", "slope", "Distance"), strict=True
     ):
         assert said in words
-
-
-def test_a_rule_that_is_not_about_figures_changes_none() -> None:
-    svg = '<svg viewBox="0 0 9 9"><path class="residual" d="M0 0L9 9"/></svg>'
-    rules = "table > tr:hover { fill: #123456 } .residual, a[href] { stroke: #1b5fa8 }"
-    assert 'stroke="#1b5fa8"' in with_own_style(svg, rules) and "#123456" not in with_own_style(svg, rules)
 
 
 def test_a_unit_ends_no_line_after_its_newton():

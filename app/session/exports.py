@@ -1,20 +1,76 @@
-"""Export a session as CSV, HDF5, report or model file; save shots that are only in memory."""
+"""Export a session as CSV, HDF5, report or model file; save shots that are only in memory.
+
+The functions run in a subprocess; slow imports are inside those that need them, so that the window starts quickly.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.shot import Progress, Shot, Stop
 from app.session.entry import Entry
 from app.session.jobs import EventKind, JobQueues, Jobs, Notify
-from app.session.model_in_use import save_model
+from app.session.model_in_use import predictions_of, save_model
 from app.session.session import Session
-from app.session.shot_work import predictions_of, report_text, write_csv, write_hdf5, write_report
 from app.session.verdict_basis import Diagnoses
 from app.words import counted
-from instrument.files import SomeShotsNotSaved
+from instrument.files import SomeShotsNotSaved, write_text_atomic
+
+
+def write_report(
+    path: Path,
+    shots: Sequence[Shot],
+    diagnosis: Diagnosis | None,
+    tried: Sequence[Effect],
+    *,
+    progress: Progress,
+    cancelled: Stop,
+) -> str:
+    """Write the report as PDF or HTML, by the path's ending; return a message."""
+    text = report_text(shots, diagnosis, tried, progress=progress, cancelled=cancelled)
+    if path.suffix.lower() == ".pdf":
+        from app.report import write_pdf  # only this needs Qt
+
+        write_pdf(text, path)
+    else:
+        write_text_atomic(path, text, sync=True)
+    return f"Report of {counted(len(shots), 'shot')} saved as {path}"
+
+
+def report_text(
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[Effect], *, progress: Progress, cancelled: Stop
+) -> str:
+    """Return the report as HTML; ``tried`` are effects in the model that no diagnosis found."""
+    from app.report import report_of
+
+    progress("drawing the report", 0.2)
+    return report_of(shots, diagnosis, tried=tried)
+
+
+def write_hdf5(shots: Sequence[Shot], folder: Path, *, progress: Progress, cancelled: Stop) -> str:
+    """Write the motion of each shot as HDF5; return a message."""
+    from app.report import export_hdf5
+
+    progress("writing HDF5", 0.1)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = export_hdf5(shots, folder)
+    return f"{counted(len(written), 'shot')} exported to {folder} as HDF5"
+
+
+def write_csv(
+    shots: Sequence[Shot], diagnosis: Diagnosis | None, folder: Path, *, progress: Progress, cancelled: Stop
+) -> str:
+    """Write these shots and the laws learned by a diagnosis as CSV; return a message."""
+    from app.report import export, export_laws
+
+    progress("writing CSV", 0.1)
+    written = export(shots, folder)
+    if diagnosis is not None:
+        written += export_laws(diagnosis, folder)
+    return f"{counted(len(shots), 'shot')} exported to {folder} ({counted(len(written), 'file')})"
 
 
 class Exports:

@@ -1,18 +1,21 @@
-"""Save and load model files, report parameters that drifted from them, and read and save the user's own laws."""
+"""Save, load and test model files, report parameters that drifted from them, and read and save the user's own laws."""
 
 import math
 from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analysis.collision import Effect, LawError, OwnLaw, findings, from_mapping
 from analysis.diagnosis import Diagnosis, ModelFileError, SavedModel, drift, from_text, saved, to_text
-from analysis.fitted import fit_jointly, shaking_of
+from analysis.fitted import SECONDS, fit_jointly, run_in_time, shaking_of
 from analysis.shot import AnalysisError, Fit, Progress, Shot, Stop, why_not_together, words_and_unit
 from app.report import shared_stds
 from app.session.verdict_basis import ModelEffects
 from app.words import counted, model_in_words
 from instrument.files import RecordingError, read_laws, read_toml_text, write_law, write_text_atomic
+
+if TYPE_CHECKING:
+    from analysis.diagnosis import PredictionTest
 
 DRIFT_SIGMAS = 4.0  # least significant deviation, in joint standard uncertainties
 NOISE_ALONE = "value, and standard uncertainty from noise alone, SI units"
@@ -86,6 +89,37 @@ def load_model(path: Path) -> SavedModel:
 def model_words(model: SavedModel) -> str:
     """Return "paper model + quadratic drag on the block, from 5 shots"; effects found by no diagnosis get "(tried)"."""
     return f"{model_in_words(model.base, model.effects, model.tried)}, from {counted(len(model.shots), 'shot')}"
+
+
+def predictions_of(path: Path, shots: Sequence[Shot], progress: Progress, cancelled: Stop) -> str:
+    """Return in words how much better a saved model, not refitted, predicts these shots than its base model.
+
+    Raises RecordingError if the file is no model, AnalysisError if no shot can be predicted, and Cancelled.
+    """
+    from analysis.diagnosis import prediction_words
+
+    progress("predicting", 0.0)
+    model = load_model(path)
+    of_base = [shot for shot in shots if shot.motion is not None and shot.settings.model == model.base]
+    if not of_base:
+        raise AnalysisError(f"none of these shots has the model file's base model, {model.base}")
+    prediction = predicted(of_base, model, cancelled)
+    took_part = sum(shot.took_part for shot in prediction.shots)
+    warning = f" ({took_part} used to fit the model: no test)" if took_part else ""
+    return f"{model_words(model)}: {prediction_words(prediction)}{warning}"
+
+
+def predicted(shots: Sequence[Shot], model: SavedModel, cancelled: Stop | None = None) -> "PredictionTest":
+    """Return the errors of a saved model's predictions, without refitting it, of these shots.
+
+    Raises Cancelled, and AnalysisError if the prediction fails or exceeds its time limit.
+    """
+    from analysis.diagnosis import evaluate_predictions  # slow to import
+
+    seen = [(shot.motion, shot.path or shot.name) for shot in shots if shot.motion is not None]
+    motions, names = [motion for motion, _ in seen], [name for _, name in seen]
+    seconds = SECONDS * (1 + len(seen))
+    return run_in_time(lambda: evaluate_predictions(motions, names, model, cancelled), seconds, cancelled)
 
 
 def drift_words(known: SavedModel, fit: Fit) -> str:

@@ -11,13 +11,12 @@ from pathlib import Path
 
 from analysis.collision import Effect
 from analysis.diagnosis import SavedModel
-from analysis.fitted import awaits_fit, can_be_fitted
+from analysis.fitted import awaits_fit, can_be_fitted, fit_again
 from analysis.shot import Progress, Shot, Stop
 from app.session.entry import Entry
 from app.session.jobs import EventKind, Job, JobQueues, Notify
 from app.session.model_in_use import load_model, model_words
 from app.session.session import Session
-from app.session.shot_work import refit_shot
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +128,11 @@ class ModelWork:
         name, take = f"refit of {entry.name} with the changed model", partial(self._take_fit, number, shot, effects)
         job = self._work.jobs.submit(name, work, "refit", take)
         self._pending[number] = _PendingFit(job, shot, effects)
+
+
+def refit_shot(shot: Shot, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop) -> Shot:
+    """Return the shot refitted with these effects."""
+    return fit_again(shot, effects, cancelled)
 
 
 def _same_motion(shot: Shot, of: Shot) -> bool:

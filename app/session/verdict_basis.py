@@ -2,9 +2,11 @@
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from analysis.collision import Effect, findings
 from analysis.diagnosis import Diagnosis, Verdict, effect_in_file
+from analysis.shot import Shot
 from levimass import is_drive
 
 
@@ -43,6 +45,19 @@ class Diagnosed:
     diagnosis: Diagnosis
     numbers: tuple[int, ...]
     version: str = ""  # program version of a cached result, else ""
+
+
+def diagnose_shots(
+    shots: Sequence[Shot],
+    accepted: Sequence[Effect],
+    laws: Sequence[Effect],
+    seconds: float,
+    **watched: Any,  # progress and cancelled
+) -> Diagnosis:
+    """Diagnose these shots jointly; after ``seconds`` the alternative searches are omitted."""
+    from analysis.diagnosis import diagnose  # slow to import
+
+    return diagnose(shots, accepted=accepted, laws=laws, seconds=seconds, **watched)
 
 
 class Diagnoses(list[Diagnosed]):

@@ -24,9 +24,8 @@ from app.session.result_cache import CachedShot, CacheWork, Key, ResultCache
 from app.session.session import Session
 from app.session.session_files import Unlisted, listed_by, lock_session, named_session, own_session, unlisted
 from app.session.settings import correction_words
-from app.session.shot_work import diagnose_shots
 from app.session.spool import Spool
-from app.session.verdict_basis import Diagnosed, Diagnoses, verdict_of
+from app.session.verdict_basis import Diagnosed, Diagnoses, diagnose_shots, verdict_of
 from app.words import verdict_words
 from instrument.capture import STOPPED
 from instrument.files import RecordingError, find_recordings, rewrite_note

@@ -16,7 +16,7 @@ from analysis.drive.driven_fit import fit_driven
 from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main
 from app.session.load import load_and_analyse
-from app.session.shot_work import predictions_of
+from app.session.model_in_use import predictions_of
 from instrument.files.motion_file import read_motion
 from tests.analysis.drive.slider import Drive, Floats
 

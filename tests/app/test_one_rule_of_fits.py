@@ -9,7 +9,7 @@ from analysis.collision.effects import effects_named
 from analysis.report import result
 from analysis.shot.shot import AnalysisSettings
 from app.session.load import load_and_analyse
-from app.session.shot_work import refit_shot
+from app.session.model_work import refit_shot
 from instrument.bench.simulated_shots import simulate
 
 

@@ -23,7 +23,7 @@ from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Diagnosis, Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
-from app.session.shot_work import diagnose_shots
+from app.session.verdict_basis import diagnose_shots
 from app.session.workbench import Workbench
 from app.words.model_texts import verdict_words
 from instrument.files.atomic_file import write_json_atomic

@@ -17,7 +17,7 @@ from analysis.diagnosis.verdict.prediction_errors import PredictedShot, Predicti
 from analysis.drive.catalogue import LAWS
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings
-from app.session import load, model_in_use, model_work, shot_work, workbench
+from app.session import load, model_in_use, model_work, workbench
 from app.session.model_in_use import OwnLaws, drift_words, load_model
 from app.session.session import Session
 from app.session.verdict_basis import Diagnosed, Diagnoses, ModelEffects
@@ -175,7 +175,7 @@ def test_models_are_saved_loaded_and_tested(bench, tmp_path, monkeypatch):
     one.said()
     errors = Errors(62e-9, 40e-6, 3.1e-3, 3800.0), Errors(1.1e-9, 8e-6, 2e-3, 1.01)
     shots = (PredictedShot("run-1", True, *errors), PredictedShot("run-2", False, *errors))
-    monkeypatch.setattr(shot_work, "predicted", lambda *_: PredictionTest("paper", (DRAG,), *errors, shots))
+    monkeypatch.setattr(model_in_use, "predicted", lambda *_: PredictionTest("paper", (DRAG,), *errors, shots))
     work.exports.test_model([], path)
     parts["tested"] = one.said()
     work.exports.test_model([], tmp_path / "session.json")

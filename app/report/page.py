@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, PredictionTest
 from analysis.fitted import readings_model
-from analysis.shot import UNITS, PlotNote, Shot
+from analysis.shot import UNITS, Shot
 from analysis.uncertainty import budget
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section, prediction_section
@@ -104,15 +104,12 @@ def _remarks(shot: Shot) -> Markup:
     if shot.note:
         parts.append(tag("p", tag("b", "Note: "), shot.note, class_="note"))
     if shot.plot_notes:
-        rows = [[note.plot, *_place_words(note), note.text] for note in shot.plot_notes]
+        rows = []
+        for note in shot.plot_notes:
+            x_unit, y_unit = UNITS[note.plot]  # a time is from the recording's first sample
+            rows.append([note.plot, f"{note.x:.6g} {x_unit}", f"{note.y:.4g} {y_unit}", note.text])
         parts.append(table(["note on the plot", "at", "value", "text"], rows, "overview"))
     return joined(*parts)
-
-
-def _place_words(note: PlotNote) -> tuple[str, str]:
-    """Return a note's x and y with units, a time from the recording's first sample."""
-    x_unit, y_unit = UNITS[note.plot]
-    return f"{note.x:.6g} {x_unit}", f"{note.y:.4g} {y_unit}"
 
 
 def _program() -> Markup:

@@ -1,7 +1,9 @@
 """Report figures of one shot: motion over time, residual, first contact, force against deflection, gap."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -11,6 +13,7 @@ from app.report.svg_plot import WIDTH, Band, Line, NoteMark, Plot, draw
 from app.words import Markup, tag
 
 MEASURED, SIMULATED = ("measured", "measured"), ("simulated", "simulated")  # (class in the style sheet, label)
+_velocity, _force = attrgetter("velocity_m_per_s"), attrgetter("force_n")  # of a motion or an overlay
 RESIDUAL, NOISE = ("residual", "measured \u2212 simulated"), ("band", "noise and floor vibration, \u00b12 \u03c3")
 
 
@@ -19,6 +22,7 @@ class _ShotTimeAxes:
     """A shot with the time axes of its figures, in ms from ``time_zero``."""
 
     shot: Shot
+    motion: Motion
     time_ms: Floats
     time_label: str
     overlay: Overlay | None
@@ -48,7 +52,7 @@ def figures(shot: Shot) -> list[Markup]:
     zero, label = time_zero(shot)
     overlay = shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.converged and shot.fit.shots else None
     overlay_ms = 1e3 * (overlay.time_s - zero) if overlay is not None else np.empty(0)
-    course = _ShotTimeAxes(shot, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
+    course = _ShotTimeAxes(shot, motion, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
     made = [_whole(course), _residuals(course)]
     if shot.impact is not None:
         made += [_first_contact(course), _deflection(course), _gap(course)]
@@ -68,28 +72,24 @@ def beat_hz(velocity_m_per_s: Floats, rest_hz: float, wavelength_m: float) -> Fl
 
 
 def _whole(course: _ShotTimeAxes) -> Markup:
-    motion, over = course.shot.motion, course.overlay
-    assert motion is not None
-    rest = motion.rest_frequency_hz
-    plots = []
+    rest, wavelength_m = course.motion.rest_frequency_hz, course.motion.wavelength_m
+    plots = [_over_time(course, "velocity (m/s)", _velocity), _over_time(course, "force (N)", _force)]
     words = "Velocity and force over the whole shot."
-    if isinstance(rest, Quantity) and motion.wavelength_m is not None:
+    if isinstance(rest, Quantity) and wavelength_m is not None:
         words = "Beat frequency of the measurement photodiode, velocity and force over the whole shot."
-        velocities = (motion.velocity_m_per_s, over.velocity_m_per_s if over else None)
-        seen, drawn = (None if v is None else 1e-6 * beat_hz(v, rest.value, motion.wavelength_m) for v in velocities)
-        assert seen is not None
-        plots.append(_over_time(course, "beat (MHz)", seen, drawn))
-    plots += [
-        _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None),
-        _over_time(course, "force (N)", motion.force_n, over.force_n if over else None),
-    ]
+        rest_hz = rest.value
+
+        def beat_mhz(of: Motion | Overlay) -> Floats:
+            return 1e-6 * beat_hz(of.velocity_m_per_s, rest_hz, wavelength_m)
+
+        plots.insert(0, _over_time(course, "beat (MHz)", beat_mhz))
     words += " Vertical lines: first touch and release." if course.marks else ""
     return figure("The shot.", words, plots, _legend(course), 178)
 
 
 def _residuals(course: _ShotTimeAxes) -> Markup | None:
-    shot, over, motion = course.shot, course.overlay, course.shot.motion
-    if over is None or shot.fit is None or motion is None:
+    shot, over, motion = course.shot, course.overlay, course.motion
+    if over is None or shot.fit is None:
         return None
     noise = band_of(shot)
     rows = (
@@ -111,12 +111,8 @@ def _residuals(course: _ShotTimeAxes) -> Markup | None:
 
 
 def _first_contact(course: _ShotTimeAxes) -> Markup:
-    motion, over, span = course.shot.motion, course.overlay, contact_span_ms(course.shot)
-    assert motion is not None
-    plots = [
-        _over_time(course, "velocity (m/s)", motion.velocity_m_per_s, over.velocity_m_per_s if over else None, span),
-        _over_time(course, "force (N)", motion.force_n, over.force_n if over else None, span),
-    ]
+    span = contact_span_ms(course.shot)
+    plots = [_over_time(course, "velocity (m/s)", _velocity, span), _over_time(course, "force (N)", _force, span)]
     return figure("First contact.", "Bounces at the beginning of the contact.", plots, _legend(course), 190)
 
 
@@ -182,13 +178,13 @@ def _gap(course: _ShotTimeAxes) -> Markup | None:
 def _over_time(
     course: _ShotTimeAxes,
     label: str,
-    measured: Floats,
-    simulated: Floats | None,
+    values: Callable[[Motion | Overlay], Floats],
     span: tuple[float, float] | None = None,
 ) -> Plot:
-    lines = [Line(course.time_ms, measured, MEASURED[0])]
-    if simulated is not None:
-        lines.insert(0, Line(course.overlay_ms, simulated, SIMULATED[0]))
+    """Return a plot of the measured motion and, behind it, the simulated one; ``values`` picks what is drawn."""
+    lines = [Line(course.time_ms, values(course.motion), MEASURED[0])]
+    if course.overlay is not None:
+        lines.insert(0, Line(course.overlay_ms, values(course.overlay), SIMULATED[0]))
     remarks = course.remarks(label.partition(" (")[0])
     return Plot(course.time_label, label, tuple(lines), (), (), course.marks, span, remarks=remarks)
 

@@ -91,8 +91,7 @@ class Exports:
 
     def test_model(self, numbers: Sequence[int], path: Path) -> None:
         """Queue the test of a model file's predictions, without refitting it, on these entries."""
-        entries = self._entries(numbers)
-        shots = [entry.shot for entry in entries if entry.shot is not None]
+        shots = [entry.shot for entry in self._entries(numbers) if entry.shot is not None]
         self._submit("test of a model file", partial(predictions_of, path, shots))
 
     def report(self, numbers: Sequence[int], path: Path) -> None:

@@ -223,12 +223,14 @@ class Session:
 
     def _write(self, path: Path, entries: tuple[Entry, ...], effects: ModelEffects, left_out: tuple[str, ...]) -> None:
         shots = [entry_to_json(entry) for entry in entries if entry.path]
-        accepted = {
+        document = {
+            "schema": SCHEMA,
             "effects": keys_of(effects.collision),
             "drive_effects": keys_of(effects.drive),
             "tried": list(dict.fromkeys(keys_of(effects.tried))),
+            "shots": shots,
+            "left_out": list(left_out),
         }
-        document = {"schema": SCHEMA, **accepted, "shots": shots, "left_out": list(left_out)}
         problem = None
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

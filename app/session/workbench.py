@@ -12,7 +12,7 @@ from pathlib import Path
 
 from analysis.diagnosis import Diagnosis
 from analysis.fitted import awaits_fit
-from analysis.shot import AnalysisSettings, Progress, Shot, Stop, why_not_together
+from analysis.shot import AnalysisSettings, Shot, why_not_together
 from app.session.candidate_residuals import CandidateResiduals
 from app.session.entry import Entry
 from app.session.exports import Exports, UnsavedShots
@@ -155,11 +155,12 @@ class Workbench:
         """Queue a search for recordings in ``folder`` that neither this session nor ``sessions`` list."""
         own = {entry.path for entry in self.session.entries if entry.path is not None} | {*self.session.dismissed}
         now_s = time.time()
-
-        def work(_: Progress, __: Stop) -> Unlisted:
-            return unlisted(folder, own | listed_by(sessions), now_s)
-
-        self.short_jobs.submit("recordings not in any session", work, "look", self._take_unlisted)
+        self.short_jobs.submit(
+            "recordings not in any session",
+            lambda _, __: unlisted(folder, own | listed_by(sessions), now_s),
+            "look",
+            self._take_unlisted,
+        )
 
     def reanalyse(self, numbers: Sequence[int]) -> int:
         """Queue the analysis of copies of these entries with the present settings; return their number.
@@ -264,11 +265,8 @@ class Workbench:
         if entry.path is None or not entry.path.endswith(".sigmf-meta"):
             return
         path, note = Path(entry.path), entry.note
-
-        def work(_: Progress, __: Stop) -> None:
-            rewrite_note(path, note)  # raises RecordingError if the file is read-only
-
-        self.short_jobs.submit(f"note of {entry.name}", work, "note")
+        # raises RecordingError if the file is read-only
+        self.short_jobs.submit(f"note of {entry.name}", lambda _, __: rewrite_note(path, note), "note")
 
     def undo(self) -> str | None:
         """Undo the last note, removal or model change; return its name, or None."""

@@ -83,29 +83,28 @@ def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = 
     return joined(tag("p", said), warning, table(header, rows, "numbers"))
 
 
-def budgets(of: Budget | None) -> Markup:
+def budgets(of: Budget) -> Markup:
     """Return the uncertainty budgets of all numbers."""
-    if of is None or not of.quantities:
+    if not of.quantities:
         return tag("p", "No number has a budget.")
     return joined(*[_budget(entry) for entry in of.quantities])
 
 
-def scaled(reading: Reading, unit: str) -> tuple[str, str]:
-    """Return a reading as text (a dash if it was not seen) and its unit."""
-    factor, shown = shown_in(unit)
+def scaled(reading: Reading, unit: str) -> str:
+    """Return a reading as text in the unit in which it is shown; a dash if it was not seen."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
-        return "\u2013", shown
-    return str(reading.scaled(factor)), shown
+        return "\u2013"
+    return str(reading.scaled(shown_in(unit)[0]))
 
 
 def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[str]:
     if isinstance(reading, NotSeen):
         return ["\u2013", "", "", "", f"not measured: {reading.reason}"]
     if entry is None:
-        return [scaled(reading, unit)[0], "", "", "", reading.how]
+        return [scaled(reading, unit), "", "", "", reading.how]
     factor, _ = shown_in(unit)
     parts = [f"{factor * part:.2g}" for part in (entry.std_a, entry.std_b, entry.expanded)]
-    return [scaled(entry.quantity, unit)[0], *parts, reading.how]
+    return [scaled(entry.quantity, unit), *parts, reading.how]
 
 
 def _budget(entry: QuantityBudget) -> Markup:
@@ -118,10 +117,11 @@ def _budget(entry: QuantityBudget) -> Markup:
         together = math.hypot(*(row.contribution for row in small))
         names = ", ".join(dict.fromkeys(row.source for row in small))
         rows.append([f"{len(small)} more", "", "", "", f"{factor * together:.2g}", names])
-    value, _ = scaled(entry.quantity, entry.unit)
     parts = [f"{factor * part:.3g}" for part in (entry.std_a, entry.std_b, entry.expanded)]
     said = f"type A {parts[0]}, type B {parts[1]}, expanded {parts[2]} (k = {COVERAGE_FACTOR:g})"
-    caption = tag("h5", f"{entry.words}: {value} {unit} ", tag("span", said, class_="faint"))
+    caption = tag(
+        "h5", f"{entry.words}: {scaled(entry.quantity, entry.unit)} {unit} ", tag("span", said, class_="faint")
+    )
     header = ["source", "type", "u(x)", "sensitivity", with_unit("contribution", unit), "how"]
     return tag("div", caption, table(header, rows, "budget"), class_="whole")
 

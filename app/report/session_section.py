@@ -54,7 +54,7 @@ def _overview(shots: Sequence[Shot]) -> Markup:
     for place, shot in enumerate(shots, 1):
         combined = combined_of(shot)
         readings = [stated(number.find(shot), number.key, combined) for number in listed]
-        cells = [scaled(reading, number.unit)[0] for reading, number in zip(readings, listed, strict=True)]
+        cells = [scaled(reading, number.unit) for reading, number in zip(readings, listed, strict=True)]
         failed = f"failed: {shot.problem}" if shot.problem else ""
         said = "; ".join(
             part for part in (failed, ", ".join(map(flag_name, by_severity(shot.flags))), shot.note) if part
@@ -104,7 +104,7 @@ def _summaries(found: Series, shots: Sequence[Shot]) -> Markup:
         if isinstance(s.mean, Quantity):
             both = replace(s.mean, std=math.hypot(s.mean.std, shared.get(s.key, 0.0)))
         sizes = [or_dash(factor * s.scatter, ".2g"), or_dash(factor * s.repeatability, ".2g")]
-        rows.append([name, str(len(s.shots)), scaled(both, s.unit)[0], noise, *sizes, slope, beyond])
+        rows.append([name, str(len(s.shots)), scaled(both, s.unit), noise, *sizes, slope, beyond])
     header = ["", "shots", "mean", "± from noise and scatter", "scatter", "repeatability", "slope per m/s", "slope / u"]
     note = (
         "The mean's ± is the combined standard uncertainty, with mass, wavelength, air and clock that all shots share. "

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
 from analysis.fitted import awaits_fit
@@ -80,8 +81,7 @@ class Rig:
         self._deadlines, self._open, self._clock = deadlines or Deadlines(), open_digitizer, clock
         self._analyst = analyst
         self._running: _OpenSource | None = None
-        self._requests: deque[str | None] = deque()
-        self._wake = threading.Condition()
+        self._requests: SimpleQueue[str | None] = SimpleQueue()  # sources to open; None: end
         self._fault: tuple[str, str] | None = None
         self._since_s = clock()
         self._taken: dict[tuple[int, int], bool] = {}  # (serial, index) of shots returned -> whether the fit was due
@@ -96,7 +96,7 @@ class Rig:
         self.rearm = False
         self._planned: Change | None = None
         self._arm_opened = False
-        self._requests.append(source)
+        self._requests.put(source)
         self._thread.start()
 
     # commands of the operator ---------------------------------------------------------------------------------------
@@ -107,10 +107,8 @@ class Rig:
         For a ``planned`` shot it is armed at once, with options changed until the next call.
         """
         self.source = source
-        with self._wake:
-            self._planned, self._arm_opened = planned, planned is not None
-            self._requests.append(source)
-            self._wake.notify()
+        self._planned, self._arm_opened = planned, planned is not None
+        self._requests.put(source)
 
     def sources(self) -> list[tuple[str, str]]:
         """Return (name, words) of each source: bench, found devices, known network addresses, replay of a recording."""
@@ -139,7 +137,7 @@ class Rig:
         if self._running is not None:
             self._running.capture.abort()
             self._arm_pressed = None
-        elif not self._requests:
+        elif self._requests.empty():
             self._fault = None
 
     def trigger_now(self) -> None:
@@ -252,9 +250,7 @@ class Rig:
 
     def close(self) -> bool:
         """End all threads, including the capture's; return whether they ended."""
-        with self._wake:
-            self._requests.append(None)
-            self._wake.notify()
+        self._requests.put(None)
         self._thread.join(40.0)
         if self._analyst is not None:
             self._analyst.close()
@@ -265,12 +261,9 @@ class Rig:
     def _work(self) -> None:
         self._find_devices()
         while True:
-            with self._wake:
-                while not self._requests:
-                    self._wake.wait()
-                order = self._requests.popleft()
-                if self._requests:
-                    continue  # a newer request is queued
+            order = self._requests.get()
+            if not self._requests.empty():
+                continue  # a newer request is queued
             self._close_running()
             if order is None:
                 return

@@ -6,7 +6,7 @@ import itertools
 import json
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, fields
+from dataclasses import astuple, fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -218,16 +218,10 @@ def export_prediction(prediction: "PredictionTest", folder: Path) -> Path:
     """Write ``foretold.csv`` with the errors of a prediction: one row per shot, one for all.  Raises OSError."""
     header = ["name", "took_part", "problem"]
     header += [f"{which}_{key}" for which in ("base", "model") for key in KEYS]
-    rows = [
-        [
-            shot.name,
-            str(shot.took_part).lower(),
-            shot.problem or "",
-            *_error_cells(shot.error_base),
-            *_error_cells(shot.error_model),
-        ]
-        for shot in prediction.shots
-    ]
+    rows = []
+    for shot in prediction.shots:
+        first = [shot.name, str(shot.took_part).lower(), shot.problem or ""]
+        rows.append([*first, *_error_cells(shot.error_base), *_error_cells(shot.error_model)])
     errors = [*_error_cells(prediction.error_base), *_error_cells(prediction.error_model)]
     rows.append(["all", "", prediction_words(prediction), *errors])
     write_table(header, rows, folder / "foretold.csv")
@@ -237,8 +231,7 @@ def export_prediction(prediction: "PredictionTest", folder: Path) -> Path:
 def _error_cells(errors: Errors | None) -> list[str]:
     if errors is None:
         return [""] * len(KEYS)
-    values = asdict(errors)
-    return ["" if values[key] != values[key] else repr(float(values[key])) for key in KEYS]
+    return ["" if value != value else repr(float(value)) for value in astuple(errors)]
 
 
 def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:

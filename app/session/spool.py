@@ -4,9 +4,7 @@ Each shot has about fifteen arrays with a value per sample, but the window shows
 read from an unnamed file on access, so that 300 shots take some megabytes of memory instead of 220 MB.
 """
 
-import contextlib
 import mmap
-import os
 import sys
 import tempfile
 import time
@@ -77,26 +75,20 @@ class _Piece:
 
     def __init__(self, folder: Path, size: int) -> None:
         self.size, self.used = size, 0
-        with tempfile.TemporaryFile(dir=folder, prefix=".levimass-") as file:
-            os.truncate(file.fileno(), size)
-            self.memory = mmap.mmap(file.fileno(), size, access=mmap.ACCESS_READ)  # the map keeps the file open
-            self._file = os.dup(file.fileno())
-        weakref.finalize(self.memory, _closed, self._file)
+        self._file = tempfile.TemporaryFile(dir=folder, prefix=".levimass-", buffering=0)  # noqa: SIM115 - held
+        weakref.finalize(self, self._file.close)
+        self._file.truncate(size)
+        self.memory = mmap.mmap(self._file.fileno(), size, access=mmap.ACCESS_READ)  # keeps the file open by itself
 
     def append(self, content: bytes) -> None:
         """Append all of ``content``.  Raises OSError, after which ``used`` is unchanged."""
         done = 0
-        os.lseek(self._file, self.used, os.SEEK_SET)
+        self._file.seek(self.used)
         while done < len(content):
-            done += os.write(self._file, content[done:])
+            done += self._file.write(content[done:])
         self.used += len(content)
 
     def array(self, like: np.ndarray, start: int) -> np.ndarray:
         """Return the array at byte ``start`` of the file, with the type and shape of ``like``."""
         flat = np.frombuffer(self.memory, like.dtype, like.size, start)
         return flat.reshape(like.shape)
-
-
-def _closed(file: int) -> None:
-    with contextlib.suppress(OSError):
-        os.close(file)

@@ -6,6 +6,7 @@ import os
 import pickle
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -126,15 +127,16 @@ def test_many_shots_fill_several_pieces_and_each_goes_with_its_last_array(tmp_pa
 
 @pytest.mark.parametrize("after", [0, 100_000])
 def test_on_a_full_disk_a_shot_stays_in_memory_and_the_next_is_moved_again(tmp_path, shot, monkeypatch, after):
-    spool, write = Spool(tmp_path), os.write
+    spool = Spool(tmp_path)
     before = spool.moved(shot)
+    file = spool._piece._file
 
-    def full(file: int, content: bytes) -> int:
+    def full(content: bytes) -> int:
         if after and len(content) > after:
-            return write(file, content[:after])
+            return file.write(content[:after])
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(os, "write", full)
+    monkeypatch.setattr(spool._piece, "_file", SimpleNamespace(seek=file.seek, write=full))
     assert spool.moved(shot) is shot
     monkeypatch.undo()
     again = spool.moved(shot)

@@ -8,8 +8,6 @@ from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import TracebackType
 
-from app.session.jobs import pop_all
-
 _LOG = logging.getLogger("levimass")
 _MOST_BYTES = 1_000_000
 NAME = "levimass.log"
@@ -49,7 +47,7 @@ class ProgramLog:
 
     def take_problems(self) -> list[str]:
         """Return the uncaught exceptions since the last call, one line each."""
-        return pop_all(self._problems)
+        return [self._problems.popleft() for _ in range(len(self._problems))]
 
     def _uncaught(self, kind: type[BaseException], error: BaseException | None, trace: TracebackType | None) -> None:
         if issubclass(kind, SystemExit | KeyboardInterrupt):

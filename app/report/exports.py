@@ -76,22 +76,20 @@ def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
     Returns the paths.  Raises OSError or RecordingError.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    files = [
-        name if shot.motion is not None else ""
-        for shot, name in zip(shots, motion_file_names([shot.name for shot in shots]), strict=True)
-    ]
-    for shot, name in zip(shots, files, strict=True):
-        if name:
+    written, shot_rows = [], []
+    for shot, name in zip(shots, motion_file_names([shot.name for shot in shots]), strict=True):
+        if shot.motion is not None:
             write_motion(shot, folder / name)
-    rows = [shot_row(shot, name) for shot, name in zip(shots, files, strict=True)]
-    write_table(shot_columns(), rows, folder / "shots.csv")
+            written.append(name)
+        shot_rows.append(shot_row(shot, name if shot.motion is not None else ""))
+    write_table(shot_columns(), shot_rows, folder / "shots.csv")
     write_table(BUDGET_COLUMNS, _budget_rows(shots), folder / "budget.csv")
-    tables = ["shots.csv", "budget.csv"]
+    written += ["shots.csv", "budget.csv"]
     if len(shots) > 1:
         header, *rows = series_rows(series(shots))
         write_table(header, rows, folder / "series.csv")
-        tables.append("series.csv")
-    return [folder / name for name in (*files, *tables) if name]
+        written.append("series.csv")
+    return [folder / name for name in written]
 
 
 def motion_file_names(shot_names: Sequence[str]) -> list[str]:

@@ -86,7 +86,7 @@ class MainWindow(QMainWindow):
         self.laws_presenter = LawsPresenter(workbench.own_laws, self.panels, self)
         self.setup_presenter = SetupPresenter(rig, store, workbench.short_jobs, self.panels, self)
         self.tour_presenter = TourPresenter(store, self.panels, self)
-        self.help_presenter = HelpPresenter(self.panels, log.folder, self)
+        self.help_presenter = HelpPresenter(log.folder, self)
         self.mapping_presenter = MappingPresenter(workbench, store, self.panels, self)
         self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
         self.model_presenter = ModelPresenter(workbench, store, self.panels, self.selection_presenter.front, self)

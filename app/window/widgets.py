@@ -326,6 +326,7 @@ class Sheet(QFrame):
     def open(self) -> None:
         self.open_at(None)
 
+    @Slot()
     def toggle(self) -> None:
         if self.isVisible():
             self.hide()

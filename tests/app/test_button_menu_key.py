@@ -13,8 +13,9 @@ from tests.app import rigs, synthetic
 PAIRS = {  # words of a button, and the command
     "Open …": "open_recordings", "Export …": "export_selected", "Report …": "report_selected",
     "Re-analyse": "reanalyse_selected", "Remove": "remove_selected", "Undo": "undo", "Columns …": "choose_columns",
-    "Set-up": "toggle_setup", "Settings": "toggle_settings", "Keys": "toggle_keys", "Budget": "show_page:BUDGET",
-    "Evidence": "show_page:DIAGNOSIS", "re-arm": "toggle_rearm", "± from noise only": "toggle_noise_only",
+    "Set-up": "toggle_setup", "Settings": "toggle_settings", "Keys": "toggle:keys", "Budget": "show_page:BUDGET",
+    "Evidence": "show_page:DIAGNOSIS", "re-arm": "toggle:controls.rearm",
+    "± from noise only": "toggle:numbers.noise_only",
     "Whole shot": "show_view:whole", "First contact": "show_view:contact",
     "Force vs deflection": "show_view:deflection", "Gap": "show_view:gap", "Raw signals": "show_view:raw",
     "Cursors": "toggle_cursors", "Save plot …": "plot_menu", "Diagnose": "diagnose",

@@ -148,12 +148,8 @@ class LawsPresenter(QObject):
         super().__init__(parent)
         self._laws, self._panels = laws, panels
         panels.diagnosis.law_curve.keep_wanted.connect(self._keep)
-        panels.diagnosis.next_steps.law_wanted.connect(self.propose_law)
+        panels.diagnosis.next_steps.law_wanted.connect(panels.law.toggle)
         panels.law.wanted.connect(self._take)
-
-    @Slot()
-    def propose_law(self) -> None:
-        self._panels.law.toggle()
 
     @Slot(object)
     def _keep(self, law: OwnLaw) -> None:

@@ -84,18 +84,9 @@ class HelpPresenter(QObject):
 
     said = Signal(str, Tone)
 
-    def __init__(self, panels: Layout, log_folder: Path, parent: QObject | None = None) -> None:
+    def __init__(self, log_folder: Path, parent: QObject) -> None:
         super().__init__(parent)
-        self._panels, self._log_folder = panels, log_folder
-        panels.work.notices.all.clicked.connect(self.toggle_messages)
-
-    @Slot()
-    def toggle_about(self) -> None:
-        self._panels.about.toggle()
-
-    @Slot()
-    def toggle_messages(self) -> None:
-        self._panels.messages.toggle()
+        self._log_folder = log_folder
 
     @Slot()
     def show_manual(self) -> None:

@@ -141,10 +141,6 @@ class RigPresenter(QObject):
         title, then = "Save the shots in memory to", self.save_elsewhere_wanted.emit
         ask_for_one(self._panels, title, PathKind.FOLDER, then, Path.home())
 
-    @Slot()
-    def toggle_rearm(self) -> None:
-        self._panels.controls.rearm.toggle()
-
     @Slot(bool)
     def _set_rearm(self, on: bool) -> None:
         self._rig.set_rearm(on)

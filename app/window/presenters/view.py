@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal, Slot
@@ -14,6 +15,7 @@ from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
 from app.window.theme import Tone
+from app.window.widgets import call_with
 from instrument.files import RecordingError
 
 
@@ -24,35 +26,22 @@ class ViewPresenter(QObject):
 
     def __init__(self, panels: Layout, start: Callable[[], Path], parent: QObject) -> None:
         super().__init__(parent)
-        self._panels = panels
+        p = self._panels = panels
         self._dialogs = FileDialogs(panels, start)
-        p = panels
         for plot in panels.findChildren(PlotView):
             plot.export_wanted.connect(self._ask_and_save)
-        p.model.details.clicked.connect(self._show_evidence)
-        p.numbers.budget.clicked.connect(self._show_budget)
-        p.work.keys.clicked.connect(self.toggle_keys)
+        p.model.details.clicked.connect(partial(call_with, self.show_page, "DIAGNOSIS"))
+        p.numbers.budget.clicked.connect(partial(call_with, self.show_page, "BUDGET"))
+        p.work.keys.clicked.connect(p.keys.toggle)
+        p.work.notices.all.clicked.connect(p.messages.toggle)
 
-    @Slot()
-    def toggle_hold(self) -> None:
-        self._panels.live.hold.toggle()
-
-    @Slot()
-    def toggle_noise_only(self) -> None:
-        """Switch between combined and noise-only uncertainties."""
-        self._panels.numbers.noise_only.toggle()
+    def toggle(self, name: str) -> None:
+        """Open or close a sheet, or press a checkable button; ``name`` is its place in ``Layout``, as "live.hold"."""
+        attrgetter(name)(self._panels).toggle()
 
     def show_page(self, name: str) -> None:
         """Show one of ``Layout.PAGES``."""
         self._panels.tabs.setCurrentIndex(Layout.PAGES.index(name))
-
-    @Slot()
-    def _show_evidence(self) -> None:
-        self.show_page("DIAGNOSIS")
-
-    @Slot()
-    def _show_budget(self) -> None:
-        self.show_page("BUDGET")
 
     def show_view(self, name: str) -> None:
         """Show a view of the shot; on COMPARE show the whole length or the first contact of the overlaid shots."""
@@ -117,10 +106,6 @@ class ViewPresenter(QObject):
         plot = self._plot()
         if plot is not None:
             plot.open_menu()
-
-    @Slot()
-    def toggle_keys(self) -> None:
-        self._panels.keys.toggle()
 
     @Slot(object, str)
     def _ask_and_save(self, plot: PlotView, kind: str) -> None:

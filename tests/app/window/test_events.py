@@ -228,7 +228,7 @@ def test_a_law_is_saved_and_diagnosed_with_or_refused_in_its_sheet(window, calls
     assert panels.law.isVisible()
     panels.law.save.click()
     assert "law_exponential" in panels.law.said.text() and panels.law.said.property("tone") == "bad" and len(calls) == 1
-    window.laws_presenter.propose_law()
+    window.panels.law.toggle()
     assert not panels.law.isVisible()
 
 

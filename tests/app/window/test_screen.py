@@ -520,9 +520,9 @@ def test_settings_set_up_help_and_the_other_sheets(window, tmp_path):
     panels.law.fill(synthetic.learned_law().effect.written())
     parts["a law, filled"] = [line for line in of(panels.law) if "field" in line or "Formula" in line or "main" in line]
     panels.law.hide()
-    window.view_presenter.toggle_keys()
+    window.panels.keys.toggle()
     parts["keys"] = shown.in_rows(panels.keys._scroll.widget())
-    window.view_presenter.toggle_keys()
+    window.panels.keys.toggle()
     window.tour_presenter.start()
     for step in range(5):
         parts[f"tour {step + 1}"] = of(panels.tour)
@@ -541,10 +541,10 @@ def test_messages(window):
     parts["two"] = of(notices)
     notices.offer("2 recordings are in no session", "Open", lambda: None)
     parts["an offer"] = of(notices)
-    window.help_presenter.toggle_messages()
+    window.panels.messages.toggle()
     listed = of(panels.messages)
     parts["listed"] = [re.sub(r"\d\d:\d\d:\d\d", "12:34:56", line) for line in listed]
-    window.help_presenter.toggle_messages()
+    window.panels.messages.toggle()
     while notices.words:
         notices.next()
     check("messages", parts)

@@ -33,7 +33,7 @@ from app.window import commands
 from app.window.layout import Layout, first_size, keep_within_screen, restore_state, state_text
 from app.window.presenters.diagnosis import DiagnosisPresenter, LawsPresenter, NextShotPresenter
 from app.window.presenters.files import FilesPresenter, ModelPresenter
-from app.window.presenters.help import HelpPresenter, TourPresenter
+from app.window.presenters.help import HelpPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.rig import RigPresenter
 from app.window.presenters.selection import PlotNotesPresenter, SelectionPresenter, TablesPresenter
@@ -85,8 +85,7 @@ class MainWindow(QMainWindow):
         self.files_presenter = FilesPresenter(workbench, store, self.panels, self)
         self.laws_presenter = LawsPresenter(workbench.own_laws, self.panels, self)
         self.setup_presenter = SetupPresenter(rig, store, workbench.short_jobs, self.panels, self)
-        self.tour_presenter = TourPresenter(store, self.panels, self)
-        self.help_presenter = HelpPresenter(log.folder, self)
+        self.help_presenter = HelpPresenter(store, self.panels, log.folder, self)
         self.mapping_presenter = MappingPresenter(workbench, store, self.panels, self)
         self.tables_presenter = TablesPresenter(workbench, self.panels, self.selection_presenter.front, self)
         self.model_presenter = ModelPresenter(workbench, store, self.panels, self.selection_presenter.front, self)
@@ -117,7 +116,6 @@ class MainWindow(QMainWindow):
             self.model_presenter,
             self.files_presenter,
             self.setup_presenter,
-            self.tour_presenter,
             self.help_presenter,
         )
         for presenter in presenters:
@@ -316,7 +314,7 @@ def run(argv: list[str], site: str | None = None) -> int:
     log.install()
     window = open_window(user_config_path("levimass"), site=site, log=log)
     window.show()
-    window.tour_presenter.start_once()
+    window.help_presenter.start_once()
     try:
         return application.exec()
     finally:

@@ -18,7 +18,7 @@ from app.window.panels.help import Step, Tour
 from app.window.panels.numbers import NumbersPanel
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_plot import TimeStack
-from app.window.presenters.help import TourPresenter
+from app.window.presenters.help import HelpPresenter
 from app.window.theme import DARK, LIGHT, MARKS, Theme, Tone, sized, style_sheet
 from app.window.widgets import FlowLayout, set_tone, show_toned, text_label
 from instrument.devices.device_search import FoundDevice
@@ -253,7 +253,7 @@ def test_each_callout_of_the_tour_shows_all_its_words_inside_the_window(panels, 
     panels.resize(1300, 850)
     panels.show()
     tour = panels.tour
-    TourPresenter(SettingsStore(tmp_path / "settings.json"), panels, panels).start()
+    HelpPresenter(SettingsStore(tmp_path / "settings.json"), panels, tmp_path, panels).start()
     for _ in tour._steps:
         QCoreApplication.processEvents()
         words = tour._words

@@ -119,7 +119,7 @@ def test_an_oscilloscope_in_the_network_is_typed_used_and_remembered(
 
 def test_the_tour_is_shown_once_and_leaves_the_keys_alone(qtbot: QtBot, window: MainWindow, tmp_path: Path) -> None:
     tour = window.panels.tour
-    window.tour_presenter.start_once()
+    window.help_presenter.start_once()
     assert tour.isVisible() and tour.title.text() == "Press ARM"
     qtbot.keyClick(tour.onward, Qt.Key.Key_Return)
     assert tour.title.text() != "Press ARM"
@@ -131,7 +131,7 @@ def test_the_tour_is_shown_once_and_leaves_the_keys_alone(qtbot: QtBot, window: 
     assert not tour.isVisible()
     assert window.panels.banner.word.text() == "ARMED"  # the first Esc sends the tour away only
     assert json.loads((tmp_path / "settings.json").read_text())["tour_done"] is True
-    window.tour_presenter.start_once()
+    window.help_presenter.start_once()
     assert not tour.isVisible()
     qtbot.keyClick(window, Qt.Key.Key_F4)
     assert tour.isVisible()

@@ -164,7 +164,7 @@ class Tour(Sheet):
         row = QHBoxLayout()
         self._count = QLabel(self)
         hover = "Do not show it again  (Esc); F4 brings it back"
-        skip = push_button("Skip the tour", hover, self, self.finish)
+        skip = push_button("Skip the tour", hover, self, self.close)
         self.onward = push_button("Next", "Next callout  (Enter)", self, self.next)
         row.addWidget(self._count, 1)
         row.addWidget(skip)
@@ -183,13 +183,9 @@ class Tour(Sheet):
         """Show the next callout, or end the tour after the last."""
         self._place += 1
         if self._place >= len(self._steps):
-            self.finish()
+            self.close()
         else:
             self._show()
-
-    @Slot()
-    def finish(self) -> None:
-        self.close()
 
     def hideEvent(self, event: QHideEvent) -> None:
         """Hide the ring too, and emit ``ended`` once."""

@@ -1,4 +1,4 @@
-"""Help commands: the short tour, versions and licences, messages, manual, log folder."""
+"""Help commands: the short tour, manual, log folder."""
 
 from importlib import resources
 from pathlib import Path
@@ -14,12 +14,14 @@ from app.window.theme import Tone
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
-class TourPresenter(QObject):
-    """Starts the tour and stores that it was seen."""
+class HelpPresenter(QObject):
+    """Starts the tour and stores that it was seen; opens manual and log folder with the system's programs."""
 
-    def __init__(self, store: SettingsStore, panels: Layout, parent: QObject | None = None) -> None:
+    said = Signal(str, Tone)
+
+    def __init__(self, store: SettingsStore, panels: Layout, log_folder: Path, parent: QObject) -> None:
         super().__init__(parent)
-        self._store, self._panels = store, panels
+        self._store, self._panels, self._log_folder = store, panels, log_folder
         self.tour = panels.tour
         self.tour.ended.connect(self._ended)
 
@@ -31,7 +33,7 @@ class TourPresenter(QObject):
     @Slot()
     def toggle_tour(self) -> None:
         if self.tour.isVisible():
-            self.tour.finish()
+            self.tour.close()
         else:
             self.start()
 
@@ -77,16 +79,6 @@ class TourPresenter(QObject):
         if not self._store.settings.tour_done:
             self._store.change({"tour_done": True})
         self._panels.controls.arm.setFocus()
-
-
-class HelpPresenter(QObject):
-    """Shows the help sheets, and opens manual and log folder with the system's programs."""
-
-    said = Signal(str, Tone)
-
-    def __init__(self, log_folder: Path, parent: QObject) -> None:
-        super().__init__(parent)
-        self._log_folder = log_folder
 
     @Slot()
     def show_manual(self) -> None:

@@ -15,7 +15,7 @@ from app.session.log import ProgramLog
 from app.window import main_window
 from app.window.layout import Layout, restore_state, state_text
 from app.window.main_window import open_window
-from app.window.presenters.help import TourPresenter
+from app.window.presenters.help import HelpPresenter
 from instrument.bench.site import USUAL_SITE
 from tests.app import rigs
 
@@ -114,7 +114,7 @@ def test_the_program_runs_with_its_log_a_tour_and_ctrl_c(qapp, tmp_path, monkeyp
     monkeypatch.setattr(QApplication, "exec", lambda *_: 5)
     monkeypatch.setattr(ProgramLog, "close", lambda log, close=ProgramLog.close: ended.append(log) or close(log))
     started = []
-    monkeypatch.setattr(TourPresenter, "start_once", lambda presenter: started.append(1))
+    monkeypatch.setattr(HelpPresenter, "start_once", lambda presenter: started.append(1))
     name, styles = qapp.applicationName(), []
     monkeypatch.setattr(QApplication, "setStyle", lambda *given: styles.append(given[-1]))
     try:
@@ -136,14 +136,14 @@ def test_the_program_runs_with_its_log_a_tour_and_ctrl_c(qapp, tmp_path, monkeyp
 def test_the_tour_starts_by_itself_the_first_time_alone(opened, tmp_path):
     window = opened(tmp_path, rigs.idle_bench)
     window.show()
-    window.tour_presenter.start_once()
+    window.help_presenter.start_once()
     assert window.panels.tour.isVisible()
-    window.tour_presenter.toggle_tour()
+    window.help_presenter.toggle_tour()
     assert not window.panels.tour.isVisible() and window._store.settings.tour_done
-    window.tour_presenter.start_once()
+    window.help_presenter.start_once()
     assert not window.panels.tour.isVisible()
-    window.tour_presenter.toggle_tour()
+    window.help_presenter.toggle_tour()
     assert window.panels.tour.isVisible() and window.panels.tour.title.text() == "Press ARM"
-    window.panels.tour.finish()
+    window.panels.tour.close()
     QTest.qWait(1)
     assert Path(tmp_path / "settings.json").exists() and window.panels.tabs.currentIndex() == Layout.LIVE

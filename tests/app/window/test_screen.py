@@ -523,7 +523,7 @@ def test_settings_set_up_help_and_the_other_sheets(window, tmp_path):
     window.panels.keys.toggle()
     parts["keys"] = shown.in_rows(panels.keys._scroll.widget())
     window.panels.keys.toggle()
-    window.tour_presenter.start()
+    window.help_presenter.start()
     for step in range(5):
         parts[f"tour {step + 1}"] = of(panels.tour)
         panels.tour.next()

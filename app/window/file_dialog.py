@@ -4,11 +4,10 @@ from collections.abc import Callable, Sequence
 from enum import Enum
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFileDialog, QWidget
-
-OnPaths = Callable[[list[Path]], object]
 
 
 class PathKind(Enum):
@@ -21,9 +20,9 @@ class PathKind(Enum):
 
 
 def ask(
-    parent: QWidget, title: str, want: PathKind, then: OnPaths, start: Path | str = "", kinds: str = ""
+    parent: QWidget, title: str, want: PathKind, then: Callable[[Any], object], start: Path | str, kinds: str = ""
 ) -> QFileDialog:
-    """Open a file dialog and return at once; ``then`` is called with the selected paths unless it is cancelled.
+    """Open a file dialog and return at once; unless it is cancelled, ``then`` is called with the path, or for FILES a list.
 
     ``kinds`` are Qt's filters, such as "HTML (*.html);;All files (*)"; a new file gets the ending of the first.  If
     a dialog with this title is already open, it is raised instead.
@@ -46,18 +45,19 @@ def ask(
     if kinds:
         dialog.setNameFilters(kinds.split(";;"))
     place = Path(start)
-    if want in (PathKind.FOLDER, PathKind.FILES, PathKind.FILE):
+    if want is not PathKind.NEW_FILE:
         dialog.setDirectory(str(place))
     elif start:
         dialog.setDirectory(str(place.parent))
         dialog.selectFile(place.name)
-    dialog.filesSelected.connect(partial(_hand_on, then))
+    dialog.filesSelected.connect(partial(_hand_on, then, want))
     dialog.show()
     return dialog
 
 
-def _hand_on(then: OnPaths, paths: Sequence[str]) -> None:
-    then([Path(path) for path in paths])
+def _hand_on(then: Callable[[Any], object], want: PathKind, names: Sequence[str]) -> None:
+    paths = [Path(name) for name in names]
+    then(paths if want is PathKind.FILES else paths[0])
 
 
 class FileDialogs:
@@ -79,11 +79,4 @@ class FileDialogs:
             self.chosen = path if want is PathKind.FOLDER else path.parent
             then(path)
 
-        ask_for_one(self._parent, title, want, chosen, self.folder / name, kinds)
-
-
-def ask_for_one(
-    parent: QWidget, title: str, want: PathKind, then: Callable[[Path], object], start: Path | str = "", kinds: str = ""
-) -> None:
-    """Open a dialog as ``ask`` does, for one file or folder; ``then`` is called with it."""
-    ask(parent, title, want, lambda paths: then(paths[0]), start, kinds)
+        ask(self._parent, title, want, chosen, self.folder / name, kinds)

@@ -192,7 +192,7 @@ def test_a_folder_is_chosen_by_the_button_beside_its_field(qtbot, monkeypatch, t
         asked.append((want, start))
         then(tmp_path)
 
-    monkeypatch.setattr(settings_sheet, "ask_for_one", answered)
+    monkeypatch.setattr(settings_sheet, "ask", answered)
     (browse,) = [button for button in sheet.findChildren(QPushButton) if button.text() == "…"]
     browse.click()
     assert asked == [(PathKind.FOLDER, "/before")]

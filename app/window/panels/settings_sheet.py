@@ -3,7 +3,7 @@
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScrollArea, QSizePolicy, QWidget
 
-from app.window.file_dialog import PathKind, ask_for_one
+from app.window.file_dialog import PathKind, ask
 from app.window.theme import Tone
 from app.window.widgets import Sheet, horizontal, push_button, show_toned, text_label
 from app.words import localised_number, typed_number, typed_numbers
@@ -91,7 +91,7 @@ class SettingsSheet(Sheet):
         return row
 
     def _browse(self, editor: QLineEdit) -> None:
-        ask_for_one(self, "Choose a folder", PathKind.FOLDER, lambda folder: editor.setText(str(folder)), editor.text())
+        ask(self, "Choose a folder", PathKind.FOLDER, lambda folder: editor.setText(str(folder)), editor.text())
 
     def show_values(self, values: dict[str, Value]) -> None:
         self.problem.setText("")

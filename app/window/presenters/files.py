@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QMenu
 from analysis.diagnosis import SavedModel
 from analysis.shot import Fit
 from app.session import Entry, SettingsStore, Workbench, drift_words, is_session
-from app.window.file_dialog import FileDialogs, PathKind, ask_for_one
+from app.window.file_dialog import FileDialogs, PathKind, ask
 from app.window.layout import Layout
 from app.window.theme import Tone
 from app.window.widgets import hover_text
@@ -38,13 +38,13 @@ class FilesPresenter(QObject):
 
     @Slot()
     def open_session(self) -> None:
-        ask_for_one(self._panels, "Open a session", PathKind.FILE, self.open_named, self._folder(), SESSIONS)
+        ask(self._panels, "Open a session", PathKind.FILE, self.open_named, self._folder(), SESSIONS)
 
     @Slot()
     def save_session(self) -> None:
         """Ask for a file and save the session to it from now on."""
         start = self._folder() / "session.json"
-        ask_for_one(self._panels, "Save the session as", PathKind.NEW_FILE, self.save_to, start, SESSIONS)
+        ask(self._panels, "Save the session as", PathKind.NEW_FILE, self.save_to, start, SESSIONS)
 
     @Slot()
     def usual_session(self) -> None:

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QApplication
 
 from app.session import FIELDS, Entry, Rig, SettingsStore
 from app.window import state_words
-from app.window.file_dialog import PathKind, ask_for_one
+from app.window.file_dialog import PathKind, ask
 from app.window.layout import Layout
 from app.window.theme import Tone
 from app.window.widgets import Sheet
@@ -139,7 +139,7 @@ class RigPresenter(QObject):
             self.said.emit("All shots are saved", Tone.NEUTRAL)
             return
         title, then = "Save the shots in memory to", self.save_elsewhere_wanted.emit
-        ask_for_one(self._panels, title, PathKind.FOLDER, then, Path.home())
+        ask(self._panels, title, PathKind.FOLDER, then, Path.home())
 
     @Slot(bool)
     def _set_rearm(self, on: bool) -> None:
@@ -155,7 +155,7 @@ class RigPresenter(QObject):
         if name == "replay:":
             self._offer_sources()
             start = self._store.start_folder
-            ask_for_one(self._panels, "Recording to play back", PathKind.FILE, self._replay_asked, start, RECORDINGS)
+            ask(self._panels, "Recording to play back", PathKind.FILE, self._replay_asked, start, RECORDINGS)
             return
         if name != self._rig.source:
             self._rig.open(name)

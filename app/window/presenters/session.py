@@ -171,7 +171,7 @@ class SessionPresenter(QObject):
     @Slot()
     def open_folder(self) -> None:
         """Ask for a folder and open every recording in it."""
-        ask(self._panels, "Open a folder of recordings", PathKind.FOLDER, self.open_paths, self._dialogs.folder)
+        self._dialogs.ask("Open a folder of recordings", PathKind.FOLDER, lambda folder: self.open_paths([folder]))
 
     @Slot()
     def export_selected(self) -> None:

@@ -22,7 +22,7 @@ class PathKind(Enum):
 def ask(
     parent: QWidget, title: str, want: PathKind, then: Callable[[Any], object], start: Path | str, kinds: str = ""
 ) -> QFileDialog:
-    """Open a file dialog and return at once; unless it is cancelled, ``then`` is called with the path, or for FILES a list.
+    """Open a file dialog and return at once; ``then`` is called with the path, or for FILES the list, unless cancelled.
 
     ``kinds`` are Qt's filters, such as "HTML (*.html);;All files (*)"; a new file gets the ending of the first.  If
     a dialog with this title is already open, it is raised instead.

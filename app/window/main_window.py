@@ -42,7 +42,7 @@ from app.window.presenters.setup import SetupPresenter
 from app.window.presenters.view import ViewPresenter
 from app.window.theme import Theme, Tone
 from app.words import counted
-from instrument.capture import FinishedShot, Snapshot, State
+from instrument.capture import Snapshot, State
 from instrument.devices import Digitizer, with_site
 from instrument.process import SubprocessAnalysis, SubprocessWorker, open_in_subprocess
 
@@ -130,7 +130,7 @@ class MainWindow(QMainWindow):
         self.session_presenter.arrived.connect(plans.arrived)
         self.session_presenter.arrived.connect(self.rig_presenter.remember)
         self.rig_presenter.shot_captured.connect(self.session_presenter.take_captured)
-        self.rig_presenter.shot_finished.connect(self._shot_finished)
+        self.rig_presenter.shot_finished.connect(self.session_presenter.take)
         self.rig_presenter.save_elsewhere_wanted.connect(self._save_elsewhere)
         self.rig_presenter.appearance_chosen.connect(self.theme.choose)
         below = {"recent": self.files_presenter.recent}
@@ -199,10 +199,6 @@ class MainWindow(QMainWindow):
         if jobs.waiting("diagnosis", "export", PLAN):
             found["work"] = "A diagnosis, export or plan is still running"
         return found
-
-    @Slot(object)
-    def _shot_finished(self, finished: FinishedShot) -> None:
-        self.session_presenter.take(finished, stay=self.rig.rearm)
 
     @Slot(object)
     def _save_elsewhere(self, folder: Path) -> None:

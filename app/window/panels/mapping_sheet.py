@@ -1,7 +1,6 @@
 """The sheet on which the operator assigns the channels of a foreign file."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWidget
@@ -51,14 +50,6 @@ NUMBERS = {  # key -> (label, factor to SI units, tooltip, placeholder)
 }  # fmt: skip
 
 
-@dataclass(frozen=True, slots=True)
-class ChannelAssignment:
-    """The operator's assignment of a file's channels."""
-
-    mapping: ForeignMapping | MotionColumns
-    for_folder: bool
-
-
 def _look_words(look: ChannelSummary) -> Markup:
     """Return a line on one channel: kind of signal, beat frequency, amplitude."""
     parts = [str(look.kind), f"amplitude {number(look.amplitude, 3)}"]
@@ -73,7 +64,7 @@ def _look_words(look: ChannelSummary) -> Markup:
 class MappingSheet(Sheet):
     """The form: roles of one file's channels, and numbers that the file does not contain."""
 
-    applied = Signal(object)
+    applied = Signal(object, bool)  # a ForeignMapping or MotionColumns; whether for every file of its folder
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Channels of a file from another program", parent)
@@ -178,9 +169,9 @@ class MappingSheet(Sheet):
             return
         try:
             if self.displacement.currentData() is not None:
-                self.applied.emit(ChannelAssignment(self._columns(), False))
-                return
-            self.applied.emit(ChannelAssignment(self._mapping(contents), self.for_folder.isChecked()))
+                self.applied.emit(self._columns(), False)
+            else:
+                self.applied.emit(self._mapping(contents), self.for_folder.isChecked())
         except ValueError as error:
             self.refuse(str(error))
 

@@ -9,10 +9,10 @@ from PySide6.QtCore import QObject, Slot
 from analysis.shot import Progress, Role, Stop
 from app.session import ChannelSummary, Job, SettingsStore, Workbench, summarise_channels
 from app.window.layout import Layout
-from app.window.panels.mapping_sheet import ChannelAssignment
 from instrument.files import (
     FOLDER_MAPPING,
     ForeignContents,
+    ForeignMapping,
     MotionColumns,
     find_mapping,
     foreign_channels,
@@ -85,18 +85,18 @@ class MappingPresenter(QObject):
         write_mapping(replace(known, channels=channels), mapping_path(path))
         self._workbench.reanalyse([number])
 
-    @Slot(object)
-    def _applied(self, answer: ChannelAssignment) -> None:
+    @Slot(object, bool)
+    def _applied(self, mapping: ForeignMapping | MotionColumns, for_folder: bool) -> None:
         path = self._path
         if path is None or self._job is not None:
             return
 
         def work(_: Progress, __: Stop) -> Path:
-            if isinstance(answer.mapping, MotionColumns):
-                save_columns(path, answer.mapping)
-                return path
-            read_foreign(path, answer.mapping)  # raises before an invalid mapping is saved
-            write_mapping(answer.mapping, path.with_name(FOLDER_MAPPING) if answer.for_folder else mapping_path(path))
+            if isinstance(mapping, MotionColumns):
+                save_columns(path, mapping)
+            else:
+                read_foreign(path, mapping)  # raises before an invalid mapping is saved
+                write_mapping(mapping, path.with_name(FOLDER_MAPPING) if for_folder else mapping_path(path))
             return path
 
         self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")

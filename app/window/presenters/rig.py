@@ -25,7 +25,7 @@ class RigPresenter(QObject):
     """Connects the rig with its panels; emits each WaitingShot and each FinishedShot."""
 
     shot_captured = Signal(object)
-    shot_finished = Signal(object)
+    shot_finished = Signal(object, bool)  # whether the rig re-arms
     said = Signal(str, Tone)
     appearance_chosen = Signal(str)
     save_elsewhere_wanted = Signal(object)  # the folder, as a Path
@@ -100,7 +100,7 @@ class RigPresenter(QObject):
         for captured in self._rig.take_captured(snapshot):
             self.shot_captured.emit(captured)
         for finished in self._rig.take_finished(snapshot):
-            self.shot_finished.emit(finished)
+            self.shot_finished.emit(finished, self._rig.rearm)
         for problem in self._rig.take_problems():
             self.said.emit(problem, Tone.BAD)
 

@@ -18,7 +18,7 @@ from app.session.candidate_residuals import CandidateResidual, CandidateResidual
 from app.session.jobs import JobQueues, Jobs
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.effects import TRIED, Bar, CandidateBars, EffectRows
-from app.window.panels.residual_overlay import explained
+from app.window.panels.residuals import explained
 from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, scale_of
 from app.window.theme import LIGHT
 from tests.app import synthetic

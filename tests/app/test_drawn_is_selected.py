@@ -125,17 +125,17 @@ def test_a_drives_diagnosis_draws_what_its_force_leaves_over(window):
             select(window, "driven")
             settled(window)
             (plot,) = drawn(window, Layout.DIAGNOSIS)
-            assert plot is residuals.forces.stack and plot.shows == (entry.shot,)
+            assert plot is residuals.forces and plot.shows == (entry.shot,)
             for part in plot.plots:
                 (curve,) = part.sampled
                 scale = {"N": 1.0, "mN": 1e3, "µN": 1e6}[part.unit]
                 np.testing.assert_allclose(curve.samples, scale * curves.residual_n)
             assert "RESIDUAL OF FORCE, driven" in residuals._heading.text()
-            assert window.panels.plot_in_front() is residuals.forces.stack
+            assert window.panels.plot_in_front() is residuals.forces
             select(window, "slow")
             settled(window)
             (plot,) = drawn(window, Layout.DIAGNOSIS)
             assert plot is residuals.stack and plot.shows == (slow.shot,)
-            assert not len(residuals.forces._curves[0].samples)
+            assert not len(residuals.force_curves[0].samples)
     finally:
         window.workbench.diagnoses.clear()

@@ -510,14 +510,14 @@ def test_a_residual_is_counted_in_the_unit_that_suits_its_size(qtbot, shot):
         panel.show_diagnosis(replace(found, fit_before=fit, fit_after=fit), [shot])
         assert [plot.unit for plot in panel.residuals.stack.plots] == [unit, unit]
         shown = {"pm": 30.0, "nm": 3.0, "µm": 3.0}[unit]
-        assert np.nanmax(panel.residuals._curves[0].samples) == pytest.approx(shown, rel=1e-3)
+        assert np.nanmax(panel.residuals.curves[0].samples) == pytest.approx(shown, rel=1e-3)
     driven = synthetic.driven_shot()
     curves = drive_curves(driven.motion, driven.fit)
     for size, unit, shown in ((3e-5, "µN", 30.0), (3e-2, "mN", 30.0), (3.0, "N", 3.0)):
         left = size * np.sin(np.arange(curves.time_s.size))
         panel.residuals.show_forces(driven, curves, replace(curves, measured_n=curves.modelled_n + left))
-        assert panel.residuals.forces.stack.plots[1].unit == unit
-        assert np.nanmax(panel.residuals.forces._curves[1].samples) == pytest.approx(shown, rel=1e-3)
+        assert panel.residuals.forces.plots[1].unit == unit
+        assert np.nanmax(panel.residuals.force_curves[1].samples) == pytest.approx(shown, rel=1e-3)
 
 
 def test_a_shots_residual_takes_the_place_of_a_drives(qtbot, shot):
@@ -526,9 +526,9 @@ def test_a_shots_residual_takes_the_place_of_a_drives(qtbot, shot):
     driven = synthetic.driven_shot()
     curves = drive_curves(driven.motion, driven.fit)
     panel.residuals.show_forces(driven, curves, curves)
-    assert all(len(curve.samples) > 0 for curve in panel.residuals.forces._curves)
+    assert all(len(curve.samples) > 0 for curve in panel.residuals.force_curves)
     panel.show_diagnosis(synthetic.diagnosis(shot), [shot])
-    assert [len(curve.samples) for curve in panel.residuals.forces._curves] == [0, 0]
+    assert [len(curve.samples) for curve in panel.residuals.force_curves] == [0, 0]
 
 
 def test_a_reset_shows_the_whole_residual_again(qtbot, shot):
@@ -647,7 +647,7 @@ def test_a_diagnosis_without_a_residual_to_draw_leaves_no_other_sets_picture(qtb
     qtbot.addWidget(panel)
     found = synthetic.diagnosis(shot)
     panel.show_diagnosis(found, [shot])
-    curves = panel.residuals._curves
+    curves = panel.residuals.curves
     assert len(curves[0].samples) > 0 and shot.name in panel.residuals._heading.text() and shot.name in panel._of.text()
     slider = replace(found.fit_after, model="driven", shots=())
     drive = replace(found, fit_before=slider, fit_after=slider, verdict=Verdict.UNEXPLAINED)

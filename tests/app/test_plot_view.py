@@ -66,7 +66,7 @@ def _bring(panels, plot):
 def test_every_plot_has_cursors_whose_readout_comes_and_goes_with_it(panels, qtbot):
     plots = panels.findChildren(PlotView)
     assert len(plots) == 19
-    plots.remove(panels.diagnosis.residuals.forces.stack)  # a drive's, in the place of the stack above it
+    plots.remove(panels.diagnosis.residuals.forces)  # a drive's, in the place of the stack above it
     for plot in plots:
         _bring(panels, plot)
         assert plot.isVisible() and panels.plot_in_front() is not None

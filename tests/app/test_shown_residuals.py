@@ -39,29 +39,29 @@ def test_a_residual_is_drawn_before_and_after_in_its_own_unit_with_twice_the_ban
     residuals.show_diagnosis(told, [ONE])
     scales = (1e6, 1e9)
     band, what = diagnosed_band(told, ONE)
-    for curve, shown, scale, factor in zip(residuals._curves, residuals._bands, scales, (800.0, 1.0), strict=True):
+    for curve, shown, scale, factor in zip(residuals.curves, residuals.stack.bands, scales, (800.0, 1.0), strict=True):
         assert curve.samples == pytest.approx(scale * factor * PART.residual_m, rel=1e-9, abs=0.0)
         assert curve.grid == pytest.approx((-60.0, 0.01))
         assert shown.typical == pytest.approx(2.0 * scale * np.nanmedian(band), rel=1e-9)
-    assert [plot.unit for plot in residuals._plots] == ["µm", "nm"]
+    assert [plot.unit for plot in residuals.stack.plots] == ["µm", "nm"]
     assert residuals._heading.text() == f"RESIDUAL OF DISPLACEMENT, shot-1 (band: {what}, ±2 σ)"
     assert residuals.stack.whole == pytest.approx((-60.0, 80.0))
-    assert residuals.stack.isVisible() and not residuals.forces.stack.isVisible()
+    assert residuals.stack.isVisible() and not residuals.forces.isVisible()
     assert residuals.stack_in_view is residuals.stack
     residuals.clear()
-    assert all(curve.samples.size == 0 for curve in residuals._curves) and residuals._errors.text() == ""
+    assert all(curve.samples.size == 0 for curve in residuals.curves) and residuals._errors.text() == ""
 
 
 def test_a_shot_without_a_motion_moves_no_other_shots_residual(residuals) -> None:
     told, dark = _told(), replace(ONE, motion=None, name="dark")
     residuals.show_diagnosis(told, [dark, ONE])
-    assert residuals._curves[1].samples == pytest.approx(1e9 * PART.residual_m, rel=1e-9, abs=0.0)
+    assert residuals.curves[1].samples == pytest.approx(1e9 * PART.residual_m, rel=1e-9, abs=0.0)
     assert residuals._heading.text().startswith("RESIDUAL OF DISPLACEMENT, shot-1 ")
     nothing = replace(ONE.fit, shots=())
     for shots, said in (([dark], told), ([], told), ([ONE], replace(told, fit_before=nothing, fit_after=nothing))):
         residuals.show_diagnosis(told, [ONE])
         residuals.show_diagnosis(said, shots)
-        assert all(curve.samples.size == 0 for curve in residuals._curves) and residuals._heading.text() == ""
+        assert all(curve.samples.size == 0 for curve in residuals.curves) and residuals._heading.text() == ""
 
 
 def test_errors_share_a_unit_and_what_is_not_known_is_a_dash() -> None:

@@ -10,8 +10,7 @@ from analysis.shot import Shot
 from app.window.panels.effects import CandidateBars, EffectRows
 from app.window.panels.law_curve import LawCurve
 from app.window.panels.next_steps import NextShotCard, NextSteps
-from app.window.panels.residual_overlay import ResidualOverlay
-from app.window.panels.residuals import Residuals
+from app.window.panels.residuals import ResidualOverlay, Residuals
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Tone, sized
 from app.window.widgets import FoldButton, keep_place, push_button, scrolled, show_toned, text_label, vertical

@@ -83,7 +83,7 @@ class LawCurve(QWidget):
     def _draw(self) -> None:
         law = self.law
         for curve in (*self._band, self._curve, self._form, *self._others):
-            curve.show_points(np.zeros(0), np.zeros(0))
+            curve.clear_samples()
         self.plot.columns = {}
         if law is None:
             return

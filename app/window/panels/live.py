@@ -134,7 +134,7 @@ class LivePanel(QWidget):
             for label in self.numbers.values():
                 label.setText(DASH)
             for curve in self._curves.values():
-                curve.show_points(np.empty(0), np.empty(0))
+                curve.clear_samples()
             return
         self.floor.show_floor(view.floor)
         time_ms = 1e3 * (view.time_s - view.time_s[-1])

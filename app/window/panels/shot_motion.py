@@ -211,7 +211,7 @@ class DeflectionView(PlainPlot):
 
     def show_shot(self, shot: Shot) -> None:
         for curve in (*self._measured, *self._simulated):
-            curve.show_points(np.empty(0), np.empty(0))
+            curve.clear_samples()
         self._slope.setData(np.empty(0), np.empty(0))
         self.columns = {}
         found = deflection_of(shot, _overlay_of(shot))

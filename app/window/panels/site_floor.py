@@ -82,7 +82,7 @@ class SiteFloorPanel(Themed, QWidget):
             self.summary.setText(NO_FLOOR)
             self.lines.setText("")
             self.advice.setText("")
-            self._curve.show_points(np.empty(0), np.empty(0))
+            self._curve.clear_samples()
             self._show_levels(np.empty(0))
             return
         level = UM_PER_S * np.maximum(floor.third_octave_m_per_s, 1e-12)

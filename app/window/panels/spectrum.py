@@ -56,7 +56,7 @@ class SpectrumPanel(QWidget):
         if spectra is None or not spectra.power_db:
             self.said.setText("Select a shot whose raw recording is available.")
             for curve in self._curves.values():
-                curve.show_points(np.empty(0), np.empty(0))
+                curve.clear_samples()
             self.picture.clear()
             return
         self.said.setText("")

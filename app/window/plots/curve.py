@@ -99,6 +99,9 @@ class PointCurve(CrispCurve):
         self._x, self._y = x, y
         self.setData(x, y)
 
+    def clear_samples(self) -> None:
+        self.show_points(np.empty(0), np.empty(0))
+
     @property
     def samples(self) -> Floats:
         """Get the values, shape (n,)."""

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 from PySide6.QtCore import QMargins, QRect, QSize, Qt, SignalInstance, Slot
 from PySide6.QtGui import QHideEvent, QResizeEvent
 from PySide6.QtWidgets import (
+    QBoxLayout,
     QComboBox,
     QFrame,
     QHBoxLayout,
@@ -161,6 +162,7 @@ def line_edit(name: str, hover: str, parent: QWidget, placeholder: str = "") -> 
     return line
 
 
+AnyWidget = TypeVar("AnyWidget", bound=QWidget)
 Margins = tuple[int, int, int, int]  # left, top, right, bottom
 
 
@@ -182,6 +184,21 @@ def _space(layout: QLayout, margins: Margins, spacing: int | None) -> None:
     layout.setContentsMargins(*margins)
     if spacing is not None:
         layout.setSpacing(spacing)
+
+
+def added(layout: QBoxLayout, widget: AnyWidget, stretch: int = 0) -> AnyWidget:
+    """Add a widget to a layout and return it."""
+    layout.addWidget(widget, stretch)
+    return widget
+
+
+def add_row(column: QBoxLayout, wide: QWidget, *others: QWidget) -> None:
+    """Add widgets to a column side by side; the first of them takes the spare width."""
+    row = QHBoxLayout()
+    row.addWidget(wide, 1)
+    for widget in others:
+        row.addWidget(widget)
+    column.addLayout(row)
 
 
 def scrolled(name: str, page: QWidget) -> QWidget:
@@ -307,13 +324,10 @@ class Sheet(QFrame):
     def head(self, title: str, hover: str) -> tuple[QVBoxLayout, QPushButton]:
         """Add title and Close button; return the sheet's layout and the button."""
         column = vertical(self, (18, 14, 18, 14))
-        top = QHBoxLayout()
         words = QLabel(title, self)
         words.setFont(sized(self.font(), 1.5, bold=True))
         close = push_button("Close", hover, self, self.hide)
-        top.addWidget(words, 1)
-        top.addWidget(close)
-        column.addLayout(top)
+        add_row(column, words, close)
         return column, close
 
     def place(self) -> None:

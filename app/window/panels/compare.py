@@ -21,7 +21,7 @@ from app.window.plots.lines import series, straight
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_plot import TimePlot, TimeStack
 from app.window.theme import Colours, Themed
-from app.window.widgets import combo_box, push_button, text_label, vertical
+from app.window.widgets import added, combo_box, push_button, text_label, vertical
 from app.words import lines, localised_number, number, short_name, tag
 
 
@@ -142,17 +142,14 @@ class ComparePanel(Themed, QWidget):
             ("First contact", "The bounces at first contact  (2)", self.show_contact),
         ):
             bar.addWidget(push_button(words, tip, self, slot))
-        self._say = text_label("", self, faint=True, wrap=True)
-        bar.addWidget(self._say, 1)
+        self._say = added(bar, text_label("", self, faint=True, wrap=True), 1)
         self._numbers_followed = of_series()
         hover = "Number plotted against impact speed; a slope shows that it depends on speed"
         items = [(with_unit(followed.title, followed.shown_unit), followed.key) for followed in self._numbers_followed]
-        self.which = combo_box("Number whose trend is shown", hover, self, items)
+        self.which = added(bar, combo_box("Number whose trend is shown", hover, self, items))
         self.which.currentIndexChanged.connect(self._trend_chosen)
-        bar.addWidget(self.which)
         column.addLayout(bar)
-        self._legend = Legend(self)
-        column.addWidget(self._legend)
+        self._legend = added(column, Legend(self))
         split = QSplitter(Qt.Orientation.Horizontal, self)
         self.stack = TimeStack("Overlaid shots", split)
         velocity, force = self.stack.add_plot("velocity", "m/s", 2), self.stack.add_plot("force", "N", 3)

@@ -13,7 +13,7 @@ from app.window.panels.next_steps import NextShotCard, NextSteps
 from app.window.panels.residuals import ResidualOverlay, Residuals
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.theme import Tone, sized
-from app.window.widgets import FoldButton, keep_place, push_button, scrolled, show_toned, text_label, vertical
+from app.window.widgets import FoldButton, added, keep_place, push_button, scrolled, show_toned, text_label, vertical
 from app.words import OUTDATED, VERDICTS, cached_words, localised_text, short_name, tag
 from levimass import is_drive
 
@@ -44,8 +44,7 @@ class DiagnosisPanel(QWidget):
         self.next_steps = NextSteps(self)
         for widget in (self.effects, self.next_shot, self.next_steps):
             column.addWidget(widget)
-        self.law_curve = LawCurve(self)
-        column.addWidget(self.law_curve, 1)
+        self.law_curve = added(column, LawCurve(self), 1)
         self._add_evidence(column)
         self._add_details(column)
         column.addStretch(0)
@@ -55,10 +54,9 @@ class DiagnosisPanel(QWidget):
     def _add_head(self, column: QVBoxLayout) -> None:
         """Add verdict, progress bar, buttons, names of the diagnosed shots, and the summary sentence."""
         top = QHBoxLayout()
-        self._verdict = text_label("", self)
+        self._verdict = added(top, text_label("", self))
         self._verdict.setFont(sized(self.font(), 1.5, bold=True))
         self._verdict.setMinimumWidth(self._verdict.fontMetrics().horizontalAdvance("✗ UNEXPLAINED  "))
-        top.addWidget(self._verdict)
         top.addStretch(1)
         self.progress = QProgressBar(self)
         self.progress.setRange(0, 1000)
@@ -72,11 +70,9 @@ class DiagnosisPanel(QWidget):
         for widget in (self.progress, self.cancel, self.diagnose):
             top.addWidget(widget)
         column.addLayout(top)
-        self._of = text_label("", self, faint=True, wrap=True)  # names of the shots
-        column.addWidget(self._of)
-        self.sentence = text_label("", self, selectable=True, wrap=True)
+        self._of = added(column, text_label("", self, faint=True, wrap=True))  # names of the shots
+        self.sentence = added(column, text_label("", self, selectable=True, wrap=True))
         self.sentence.setFont(sized(self.font(), 1.2))
-        column.addWidget(self.sentence)
 
     def _add_evidence(self, column: QVBoxLayout) -> None:
         """Add the candidates and the residuals of all shots."""
@@ -84,8 +80,7 @@ class DiagnosisPanel(QWidget):
         left = QWidget(split)
         left_column = vertical(left)
         left_column.addWidget(text_label("CANDIDATES, BY EVIDENCE", left, heading=True, wrap=True))
-        self.bars = CandidateBars(left)
-        left_column.addWidget(self.bars, 1)
+        self.bars = added(left_column, CandidateBars(left), 1)
         self.why = ResidualOverlay(self.bars, split)
         split.setSizes([380, 600])
         split.setChildrenCollapsible(False)
@@ -95,13 +90,10 @@ class DiagnosisPanel(QWidget):
     def _add_details(self, column: QVBoxLayout) -> None:
         """Add the foldable details: errors, one shot's residuals, detection limits."""
         hover = "The table of errors, the first shot's residual with cursors, and the detection limits"
-        self.fold = FoldButton("Errors, one shot in detail, detection limits", hover, self)
+        self.fold = added(column, FoldButton("Errors, one shot in detail, detection limits", hover, self))
         self.fold.toggled.connect(self._folded)
-        column.addWidget(self.fold)
-        self.residuals = Residuals(self)
-        column.addWidget(self.residuals, 1)
-        self._blind = text_label("", self, faint=True, selectable=True, wrap=True)
-        column.addWidget(self._blind)
+        self.residuals = added(column, Residuals(self), 1)
+        self._blind = added(column, text_label("", self, faint=True, selectable=True, wrap=True))
 
     @Slot(bool)
     def _folded(self, shown: bool) -> None:

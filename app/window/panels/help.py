@@ -8,12 +8,12 @@ from typing import cast
 
 from PySide6.QtCore import QPoint, QRect, Qt, Signal, Slot
 from PySide6.QtGui import QHideEvent
-from PySide6.QtWidgets import QFrame, QGridLayout, QHBoxLayout, QLabel, QPlainTextEdit, QScrollArea, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPlainTextEdit, QScrollArea, QWidget
 
 from app.report import program_words
 from app.window.commands import COMMANDS, MOUSE, ON_PLOT
 from app.window.theme import sized
-from app.window.widgets import Sheet, push_button, text_label, vertical
+from app.window.widgets import Sheet, add_row, added, push_button, text_label, vertical
 
 
 class KeySheet(Sheet):
@@ -22,9 +22,8 @@ class KeySheet(Sheet):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Keys", parent)
         column = vertical(self, (18, 14, 18, 14))
-        title = QLabel("Keys", self)
+        title = added(column, QLabel("Keys", self))
         title.setFont(sized(self.font(), 1.6, bold=True))
-        column.addWidget(title)
         self._scroll = QScrollArea(self)  # the list is higher than a small screen at 200 %
         self._scroll.setWidgetResizable(True)
         self._scroll.setFrameShape(QFrame.Shape.NoFrame)
@@ -161,15 +160,11 @@ class Tour(Sheet):
         self._words = text_label("", self, wrap=True)
         column.addWidget(self.title)
         column.addWidget(self._words)
-        row = QHBoxLayout()
         self._count = QLabel(self)
         hover = "Do not show it again  (Esc); F4 brings it back"
         skip = push_button("Skip the tour", hover, self, self.close)
         self.onward = push_button("Next", "Next callout  (Enter)", self, self.next)
-        row.addWidget(self._count, 1)
-        row.addWidget(skip)
-        row.addWidget(self.onward)
-        column.addLayout(row)
+        add_row(column, self._count, skip, self.onward)
         self.setFixedWidth(self.fontMetrics().horizontalAdvance("M") * 32)
 
     def begin(self, steps: Sequence[Step]) -> None:

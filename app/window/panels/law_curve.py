@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QHBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from analysis.diagnosis import LearnedLaw
 from analysis.shot import Shot
@@ -13,7 +13,7 @@ from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.legend import Legend
 from app.window.plots.lines import SIMULATED, LineStyle, series
 from app.window.plots.plain_plot import PlainPlot
-from app.window.widgets import push_button, text_label, vertical
+from app.window.widgets import add_row, added, push_button, text_label, vertical
 from app.words import localised_text, prefix_for, short_name
 
 MOST_FORMS = 4
@@ -32,18 +32,13 @@ class LawCurve(QWidget):
         self._laws: tuple[LearnedLaw, ...] = ()
         self._which = 0
         column = vertical(self)
-        line = QHBoxLayout()
         self._heading = text_label("", self, heading=True, wrap=True)
-        line.addWidget(self._heading, 1)
         self.other = push_button("The other law", "Two laws were learned; show the other", self, self._turn)
         hover = "Overlay the other closed forms that fit"
         self.compare = push_button("Compare forms", hover, self, self._draw, checkable=True)
         self.keep = push_button("Save law as …", "Save it under a name; later diagnoses include it", self, self._keep)
-        for button in (self.other, self.compare, self.keep):
-            line.addWidget(button)
-        column.addLayout(line)
-        self._legend = Legend(self)
-        column.addWidget(self._legend)
+        add_row(column, self._heading, self.other, self.compare, self.keep)
+        self._legend = added(column, Legend(self))
         self.plot = PlainPlot("Learned law", ("force", "mN"), "", ALONG, self)
         self._band = [self.plot.add_curve(f"{sign} 2 σ", EDGES) for sign in ("-", "+")]
         self._curve = self.plot.add_curve("free curve", SHOWN)
@@ -53,8 +48,7 @@ class LawCurve(QWidget):
         self.plot.setMinimumHeight(9 * self.fontMetrics().lineSpacing())
         column.addWidget(self.plot, 1)
         column.addWidget(CursorReadout(self.plot, self))
-        self._words = text_label("", self, faint=True, wrap=True)
-        column.addWidget(self._words)
+        self._words = added(column, text_label("", self, faint=True, wrap=True))
         self.show_laws(())
 
     def show_laws(self, laws: Sequence[LearnedLaw], shots: Sequence[Shot] = ()) -> None:

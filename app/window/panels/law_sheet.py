@@ -7,7 +7,7 @@ from PySide6.QtWidgets import QCheckBox, QFormLayout, QGridLayout, QLabel, QLine
 
 from analysis.collision import FUNCTIONS, MOST_PARAMETERS, LawError, from_mapping
 from app.window.theme import Tone
-from app.window.widgets import Sheet, combo_box, line_edit, push_button, show_toned, text_label
+from app.window.widgets import Sheet, added, combo_box, line_edit, push_button, show_toned, text_label
 from app.words import typed_number
 
 PLACES = (("on the block", "block"), ("on the plate", "plate"), ("between block and plate, in contact", "contact"))
@@ -59,13 +59,11 @@ class LawSheet(Sheet):
             grid.addWidget(own, row, len(COLUMNS))
             self.own.append(own)
         column.addLayout(grid)
-        self.said = text_label("", self, wrap=True, bold=True)
+        self.said = added(column, text_label("", self, wrap=True, bold=True))
         self.said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
-        column.addWidget(self.said)
         column.addStretch(1)
         hover = "Save the law in your folder of laws and diagnose the selected shots with it"
-        self.save = push_button("Save and diagnose", hover, self, self._save, primary=True)
-        column.addWidget(self.save)
+        self.save = added(column, push_button("Save and diagnose", hover, self, self._save, primary=True))
         self.where.currentIndexChanged.connect(self._check)
         for line in self.findChildren(QLineEdit):
             line.textChanged.connect(self._check)

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWid
 from analysis.shot import Role, Setup
 from app.session import ChannelKind, ChannelSummary, proposed_roles
 from app.window.theme import Tone
-from app.window.widgets import Sheet, combo_box, line_edit, push_button, show_toned, text_label
+from app.window.widgets import Sheet, added, combo_box, line_edit, push_button, show_toned, text_label
 from app.words import Markup, joined, lines, localised_number, number, tag, typed_number
 from instrument.files import (
     LENGTHS_M,
@@ -70,10 +70,8 @@ class MappingSheet(Sheet):
         super().__init__("Channels of a file from another program", parent)
         self._contents: ForeignContents | None = None
         column, _ = self.head("Assign channels", "Do not open this file  (Esc)")
-        self._file = text_label("", self, wrap=True)
-        column.addWidget(self._file)
-        self._looks = text_label("", self, selectable=True, wrap=True)
-        column.addWidget(self._looks)
+        self._file = added(column, text_label("", self, wrap=True))
+        self._looks = added(column, text_label("", self, selectable=True, wrap=True))
         form = QFormLayout()
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
         self.boxes = {role: self._box(form, *words) for role, words in ROLES.items()}
@@ -89,12 +87,10 @@ class MappingSheet(Sheet):
             edit.returnPressed.connect(self.apply)
             form.addRow(words, edit)
         column.addLayout(form)
-        self.for_folder = QCheckBox("for every file of this format in its folder", self)
+        self.for_folder = added(column, QCheckBox("for every file of this format in its folder", self))
         self.for_folder.setToolTip("The other files there have the same channels: do not ask again")
-        column.addWidget(self.for_folder)
-        self.problem = text_label("", self, wrap=True, bold=True)
+        self.problem = added(column, text_label("", self, wrap=True, bold=True))
         self.problem.setMinimumHeight(3 * self.fontMetrics().lineSpacing())
-        column.addWidget(self.problem)
         hover = "Save the assignment with the file, and open the file  (Enter in a field)"
         column.addWidget(push_button("Save and open", hover, self, self.apply, primary=True))
         column.addStretch(1)

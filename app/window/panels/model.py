@@ -1,13 +1,13 @@
 """MODEL panel: the model, its fit to the selected shot, and the verdict of the last diagnosis."""
 
 from PySide6.QtCore import Qt, Slot
-from PySide6.QtWidgets import QFrame, QHBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QWidget
 
 from analysis.collision import Effect
 from analysis.fitted import awaits_fit
 from analysis.shot import Fit, Shot, words_and_unit
 from app.window.theme import MARKS, Tone
-from app.window.widgets import push_button, set_tone, show_toned, text_label, vertical
+from app.window.widgets import add_row, push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
     OUTDATED,
     Markup,
@@ -38,17 +38,14 @@ class ModelPanel(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         column = vertical(self, (10, 2, 8, 4), 1)
-        top = QHBoxLayout()
-        top.addWidget(text_label("MODEL", self, heading=True), 1)
         hover = "Find out what the model lacks, from all selected shots together  (D)"
         self.diagnose = push_button("Diagnose", hover, self)
         self.details = push_button("Evidence", "Candidates, residual before and after  (Ctrl+5)", self)
         hover = "Correlations of the fitted parameters of this shot"
         self.correlated = push_button("Correlations", hover, self, checkable=True)
         self.correlated.toggled.connect(self._unfold)
-        for button in (self.correlated, self.diagnose, self.details):
-            top.addWidget(button)
-        column.addLayout(top)
+        heading = text_label("MODEL", self, heading=True)
+        add_row(column, heading, self.correlated, self.diagnose, self.details)
         labels = [text_label("", self, selectable=True, wrap=True) for _ in range(5)]
         self._model, self._fit, self.known, self.verdict, self.correlations = labels
         for label in labels:

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QWidget
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words, remark_on
 from analysis.planning import NextShot, PlannedStep, PlanningState, first_indistinguishable
-from app.window.widgets import FlowLayout, clear_layout, push_button, text_label, vertical
+from app.window.widgets import FlowLayout, added, clear_layout, push_button, text_label, vertical
 from app.words import localised_text
 
 MOST_TRIED = 3
@@ -31,8 +31,7 @@ class NextSteps(QWidget):
         row = QWidget(self)
         self._row = FlowLayout(row)
         column.addWidget(row)
-        self.shot = text_label("", self, wrap=True)
-        column.addWidget(self.shot)
+        self.shot = added(column, text_label("", self, wrap=True))
         self.hide()
 
     def show_diagnosis(self, diagnosis: Diagnosis | None, in_model: tuple[Effect, ...]) -> None:
@@ -76,11 +75,9 @@ class NextShotCard(QFrame):
         self.setProperty("card", True)
         column = vertical(self, (8, 4, 8, 4), 2)
         column.addWidget(text_label("NEXT SHOT", self, heading=True))
-        self.sentence = text_label("", self, wrap=True)
+        self.sentence = added(column, text_label("", self, wrap=True))
         self.sentence.setToolTip(NORMS)
-        column.addWidget(self.sentence)
-        self.log = text_label("", self, faint=True, wrap=True)
-        column.addWidget(self.log)
+        self.log = added(column, text_label("", self, faint=True, wrap=True))
         row = QHBoxLayout()
         hover = "Predict every shot this rig can take; find the one that separates the models most"
         self.plan = push_button("Plan the deciding shot", hover, self)

@@ -4,13 +4,13 @@ import math
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QCheckBox, QGridLayout, QHBoxLayout, QLabel, QScrollArea, QWidget
+from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QScrollArea, QWidget
 
 from analysis.shot import Quantity, Reading, Shot, concerning
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.state_words import flag_line, flag_tone
 from app.window.theme import MARKS, Colours, Themed, Tone, sized
-from app.window.widgets import FoldButton, push_button, set_tone, show_toned, text_label, vertical
+from app.window.widgets import FoldButton, add_row, push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
     COMBINED,
     NOISE_ONLY,
@@ -75,11 +75,8 @@ class NumbersPanel(Themed, QScrollArea):
         # elided in the middle, because names of shots differ at their end
         self.title = text_label("No shot", inner, selectable=True, elide=Qt.TextElideMode.ElideMiddle)
         self.title.setFont(sized(self.font(), 1.25, bold=True))
-        top = QHBoxLayout()
         self.budget = push_button("Budget", "Where each ± comes from, source by source  (B)", inner)
-        top.addWidget(self.title, 1)
-        top.addWidget(self.budget)
-        column.addLayout(top)
+        add_row(column, self.title, self.budget)
         self.noise_only = QCheckBox("± from noise only", inner)
         self.noise_only.setToolTip("Exclude wavelength, air, mass and clock from the uncertainties  (U)")
         self.noise_only.toggled.connect(self._uncertainty_chosen)

@@ -1,11 +1,11 @@
-"""Residuals of a diagnosis: of all shots with the hovered candidate's contribution; of one shot; the table of errors."""
+"""Residuals of a diagnosis: of all shots with a hovered candidate's contribution, and of one shot; table of errors."""
 
 import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from PySide6.QtCore import Signal, Slot
-from PySide6.QtWidgets import QHBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
@@ -20,7 +20,7 @@ from app.window.plots.lines import RESIDUAL
 from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid
 from app.window.plots.time_plot import TimePlot, TimeStack
 from app.window.theme import Colours, Themed, Tone
-from app.window.widgets import push_button, text_label, vertical
+from app.window.widgets import add_row, added, push_button, text_label, vertical
 from app.words import Markup, joined, lines, number, prefix_for, repeatability_words, short_name, tag
 from levimass import is_drive
 
@@ -50,19 +50,14 @@ class ResidualOverlay(Themed, QWidget):
         self._found: Mapping[Effect, CandidateResidual] = {}
         self._effect: Effect | None = None
         column = vertical(self, (6, 0, 0, 0))
-        top = QHBoxLayout()
         self._heading = text_label("", self, heading=True, wrap=True)
         hover = "Residuals with the best and with the second-best candidate, side by side"
         self.neighbour = push_button("Compare best two", hover, self, checkable=True)
         self.neighbour.toggled.connect(self._draw)
-        top.addWidget(self._heading, 1)
-        top.addWidget(self.neighbour)
-        column.addLayout(top)
-        self.grid = ResidualGrid(self)
-        column.addWidget(self.grid, 1)
-        self.said = text_label("", self, wrap=True)
+        add_row(column, self._heading, self.neighbour)
+        self.grid = added(column, ResidualGrid(self), 1)
+        self.said = added(column, text_label("", self, wrap=True))
         self.said.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
-        column.addWidget(self.said)
         bars.pointed.connect(self.point_at)
 
     def apply_colours(self, colours: Colours) -> None:
@@ -214,8 +209,7 @@ class Residuals(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         column = vertical(self, (6, 0, 0, 0))
-        self._heading = text_label("RESIDUAL OF DISPLACEMENT", self, heading=True, wrap=True)
-        column.addWidget(self._heading)
+        self._heading = added(column, text_label("RESIDUAL OF DISPLACEMENT", self, heading=True, wrap=True))
         self.stack = BeforeAfter("Residual before and after", "nm", "time from first touch (ms)", TIME, self)
         self.curves = [plot.add_curve("residual", RESIDUAL) for plot in self.stack.plots]
         title, bottom = "Residual of force before and after", "time from the first sample (s)"

@@ -7,7 +7,7 @@ from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QVBoxLayout, QWidget
 
 from app.window.theme import MARKS, Colours, Themed, Tone, sized
-from app.window.widgets import combo_box, horizontal, push_button, set_tone, text_label
+from app.window.widgets import added, combo_box, horizontal, push_button, set_tone, text_label
 from app.words import counted
 
 
@@ -103,10 +103,9 @@ class Banner(Themed, QFrame):
         row.addWidget(self.word)
         row.addWidget(self.detail, 1)
         hover = "Save the shots that are only in memory to another folder  (Ctrl+S)"
-        self.save_elsewhere = push_button("Save elsewhere …", hover, self)
+        self.save_elsewhere = added(row, push_button("Save elsewhere …", hover, self))
         self.save_elsewhere.setMinimumHeight(int(2.2 * self.fontMetrics().height()))
         self.save_elsewhere.hide()
-        row.addWidget(self.save_elsewhere)
         row.addWidget(self._clock)
         self.detail.setMinimumWidth(self.fontMetrics().horizontalAdvance("M") * 12)
         self.setFixedHeight(max(self.word.sizeHint().height() + 8, 3 * self.fontMetrics().lineSpacing() + 8))
@@ -215,8 +214,7 @@ class SignalLine(QFrame):
             row.addSpacing(4)
             self._marks[name], self.values[name] = mark, value
         middle, least = Qt.TextElideMode.ElideMiddle, "saving to /home …/data"
-        self._folder = text_label("", self, faint=True, selectable=True, elide=middle, least=least)
-        row.addWidget(self._folder, 1)
+        self._folder = added(row, text_label("", self, faint=True, selectable=True, elide=middle, least=least), 1)
         for name, _, _ in TILES:
             self.show_tile(name, TileText("–", Tone.NEUTRAL))
 

@@ -21,7 +21,7 @@ from PySide6.QtWidgets import (
 
 from app.session import Entry, Session
 from app.window.panels.session_model import FLAGS, GROUPS, NOTE, VERDICT, SessionModel, TableOrder
-from app.window.widgets import combo_box, line_edit, push_button, text_label, vertical
+from app.window.widgets import added, combo_box, line_edit, push_button, text_label, vertical
 
 
 class _ElideRight(QStyledItemDelegate):
@@ -53,8 +53,7 @@ class SessionTable(QFrame):
         self.setProperty("card", True)
         column = vertical(self, (6, 2, 6, 2), 2)
         bar = QHBoxLayout()
-        self._count = text_label("SHOTS", self, heading=True)
-        bar.addWidget(self._count)
+        self._count = added(bar, text_label("SHOTS", self, heading=True))
         bar.addStretch(1)
         self._can_undo = False
         self._numbers: list[int] = []

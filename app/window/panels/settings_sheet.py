@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScr
 
 from app.window.file_dialog import PathKind, ask
 from app.window.theme import Tone
-from app.window.widgets import Sheet, horizontal, push_button, show_toned, text_label
+from app.window.widgets import Sheet, added, horizontal, push_button, show_toned, text_label
 from app.words import localised_number, typed_number, typed_numbers
 from levimass import Setting, Value
 
@@ -24,17 +24,14 @@ class SettingsSheet(Sheet):
         column, _ = self.head("Settings", "Close without applying  (F2 or Esc)")
         hint = "Settings apply to the next shots; each shot keeps the settings with which it was taken."
         column.addWidget(text_label(hint, self, faint=True, wrap=True))
-        self._scroll = QScrollArea(self)
+        self._scroll = added(column, QScrollArea(self), 1)
         self._scroll.setAccessibleName("Fields of the settings")
         self._scroll.setWidgetResizable(True)
         self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        column.addWidget(self._scroll, 1)
-        self.problem = text_label("", self, wrap=True, bold=True)
+        self.problem = added(column, text_label("", self, wrap=True, bold=True))
         self.problem.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
-        column.addWidget(self.problem)
         hover = "Apply these settings from the next shot on  (Enter in a field)"
-        self._apply = push_button("Apply", hover, self, self.apply, primary=True)
-        column.addWidget(self._apply)
+        self._apply = added(column, push_button("Apply", hover, self, self.apply, primary=True))
 
     def offer(self, fields: tuple[Setting, ...]) -> None:
         """Build the form for these settings."""

@@ -4,10 +4,21 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
-from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 
 from app.window.theme import MARKS, Tone, sized
-from app.window.widgets import Sheet, clear_layout, line_edit, push_button, set_tone, show_toned, text_label
+from app.window.widgets import (
+    Sheet,
+    add_row,
+    added,
+    clear_layout,
+    line_edit,
+    push_button,
+    set_tone,
+    show_toned,
+    text_label,
+    vertical,
+)
 from app.words import counted, lines, localised_text, tag
 from instrument.devices import Check, FoundDevice, Grade
 
@@ -34,17 +45,12 @@ class SetupSheet(Sheet):
         self.show_checks((), "no samples yet")
 
     def _add_sources(self, column: QVBoxLayout) -> None:
-        row = QHBoxLayout()
-        row.addWidget(text_label("1   CHOOSE THE SOURCE", self, heading=True), 1)
         self.look = push_button("Look again", "Search again for devices", self)
-        row.addWidget(self.look)
-        column.addLayout(row)
-        self._found = text_label("", self, wrap=True)
-        column.addWidget(self._found)
+        add_row(column, text_label("1   CHOOSE THE SOURCE", self, heading=True), self.look)
+        self._found = added(column, text_label("", self, wrap=True))
         self._devices = QGridLayout()
         self._devices.setColumnStretch(0, 1)
         column.addLayout(self._devices)
-        row = QHBoxLayout()
         self.address = line_edit(
             "Address of an oscilloscope in the network",
             "HOST, HOST:PORT or a VISA name; options as ?channels=1,2&trigger=3 may follow",
@@ -56,23 +62,16 @@ class SetupSheet(Sheet):
         hover = "Open the oscilloscope at this address  (Enter in the field)"
         self.use_address = push_button("Use", hover, self, self._address)
         self.use_address.setAccessibleName("Use the oscilloscope at this address")
-        row.addWidget(self.address, 1)
-        row.addWidget(self.use_address)
-        column.addLayout(row)
-        self.refusal = text_label("", self, wrap=True)
+        add_row(column, self.address, self.use_address)
+        self.refusal = added(column, text_label("", self, wrap=True))
         self.refusal.hide()
-        column.addWidget(self.refusal)
 
     def _add_permission(self, column: QVBoxLayout) -> None:
         self._permission = QWidget(self)
-        permission = QVBoxLayout(self._permission)
-        permission.setContentsMargins(0, 8, 0, 0)
-        row = QHBoxLayout()
-        row.addWidget(text_label("PERMISSION TO USE THE DEVICE", self, heading=True), 1)
-        row.addWidget(push_button("Copy", "Copy these lines for a terminal", self, self._copy))
-        permission.addLayout(row)
-        self.remedy = text_label("", self, selectable=True, wrap=True)
-        permission.addWidget(self.remedy)
+        permission = vertical(self._permission, (0, 8, 0, 0))
+        copy = push_button("Copy", "Copy these lines for a terminal", self, self._copy)
+        add_row(permission, text_label("PERMISSION TO USE THE DEVICE", self, heading=True), copy)
+        self.remedy = added(permission, text_label("", self, selectable=True, wrap=True))
         self._permission.hide()
         column.addWidget(self._permission)
 
@@ -89,12 +88,10 @@ class SetupSheet(Sheet):
             column.addWidget(line)
         column.addSpacing(10)
         column.addWidget(text_label("3   ARM", self, heading=True))
-        self.verdict = text_label("", self, wrap=True)
+        self.verdict = added(column, text_label("", self, wrap=True))
         self.verdict.setFont(sized(self.font(), 1.15, bold=True))
-        column.addWidget(self.verdict)
         hover = "Close the set-up and wait for the light switch  (space)"
-        self.arm = push_button("ARM", hover, self, primary=True)
-        column.addWidget(self.arm)
+        self.arm = added(column, push_button("ARM", hover, self, primary=True))
 
     # devices ----------------------------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from app.window.plots.legend import Legend
 from app.window.plots.lines import MEASURED, LineStyle
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
-from app.window.widgets import text_label, vertical
+from app.window.widgets import added, text_label, vertical
 from app.words import CHANNEL_NAMES
 
 FREQUENCY = CursorAxis("MHz", "MHz")
@@ -28,9 +28,8 @@ class SpectrumPanel(QWidget):
         super().__init__(parent)
         column = vertical(self, (6, 6, 6, 2))
         self.said = text_label("", self, faint=True)
-        self._legend = Legend(self)
+        self._legend = added(column, Legend(self))
         self._legend.show_entries(LEGEND)
-        column.addWidget(self._legend)
         column.addWidget(self.said)
         split = QSplitter(Qt.Orientation.Vertical, self)
         self._spectrum = PlainPlot(

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar
 
 from app.session import Job, Jobs
 from app.window.theme import MARKS, Colours, Themed, Tone
-from app.window.widgets import Sheet, horizontal, hover_text, keep_place, push_button, set_tone, text_label
+from app.window.widgets import Sheet, added, horizontal, hover_text, keep_place, push_button, set_tone, text_label
 
 KEPT = 20
 LISTED = 200  # most messages in the list
@@ -142,8 +142,7 @@ class NoticeList(Themed, Sheet):
         self.list.setSelectionMode(QListWidget.SelectionMode.ExtendedSelection)
         self.list.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         column.addWidget(self.list, 1)
-        self.copy = push_button("Copy", "Copy the selected messages, or all", self, self._copy)
-        column.addWidget(self.copy)
+        self.copy = added(column, push_button("Copy", "Copy the selected messages, or all", self, self._copy))
         notices.changed.connect(self._refresh)
 
     def open(self) -> None:

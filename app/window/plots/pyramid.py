@@ -15,10 +15,8 @@ class Pyramid:
     """
 
     def __init__(self, values: Array) -> None:
-        self.values = values
-        self._lows: list[Array] = []
-        self._highs: list[Array] = []
-        low = high = values
+        self.values = low = high = values
+        self._lows, self._highs = [low], [high]
         while (whole := len(low) // BASE * BASE) > 0:
             low = np.fmin.reduce(low[:whole].reshape(-1, BASE), axis=1)
             high = np.fmax.reduce(high[:whole].reshape(-1, BASE), axis=1)
@@ -34,11 +32,9 @@ class Pyramid:
         if stop <= start:
             return float("nan"), float("nan")
         low, high = np.inf, -np.inf
-        for level in range(-1, len(self._lows)):
-            lows = self.values if level < 0 else self._lows[level]
-            highs = self.values if level < 0 else self._highs[level]
+        for lows, highs in zip(self._lows, self._highs, strict=True):
             stop = min(stop, len(lows))
-            last = level == len(self._lows) - 1
+            last = lows is self._lows[-1]
             head = stop if last else min(stop, -(-start // BASE) * BASE)
             tail = stop if last else max(head, stop // BASE * BASE)
             for part in (slice(start, head), slice(tail, stop)):
@@ -64,11 +60,10 @@ class Pyramid:
         if count <= 2 * pixels:
             return np.arange(start, stop, dtype=np.float64), self.values[start:stop].astype(np.float64)
         level = 0
-        while level < len(self._lows) and BASE ** (level + 1) * 2 * pixels <= count:
+        while level + 1 < len(self._lows) and BASE ** (level + 1) * 2 * pixels <= count:
             level += 1
         unit = BASE**level
-        lows = self.values if level == 0 else self._lows[level - 1]
-        highs = self.values if level == 0 else self._highs[level - 1]
+        lows, highs = self._lows[level], self._highs[level]
         first, end = start // unit, min(len(lows), -(-stop // unit))
         edges = first + (np.arange(pixels) * (end - first)) // pixels
         low = np.fmin.reduceat(lows[:end], edges).astype(np.float64)

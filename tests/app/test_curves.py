@@ -96,7 +96,7 @@ def test_readings_between_cursors_are_those_of_the_samples() -> None:
     one = interval_statistics("a", "N", np.array([1.0]), np.array([7.0]), 7.0, 7.0)
     assert np.isnan(one.slope) and (one.mean, one.rms, one.deviation) == (7.0, 7.0, 0.0)
     assert (TIME.value(3.0), CursorAxis("Hz", "Hz", logarithmic=True).value(2.0)) == (3.0, 100.0)
-    assert (TIME.scale, SECONDS.scale, TIME.slope_words) == (1e-3, 1.0, "slope per s")
+    assert (TIME.scale, SECONDS.scale, TIME.per) == (1e-3, 1.0, "s")
 
 
 def test_cursors_come_at_thirds_of_the_view_and_are_copied_whole(qtbot) -> None:

@@ -15,8 +15,6 @@ from app.window.widgets import horizontal, push_button, text_label
 from app.words import DASH, Markup, joined, localised_number, number, tag
 
 if TYPE_CHECKING:
-    from app.window.plots.curve import PointCurve, SampledCurve
-    from app.window.plots.framed_plot import FramedPlot
     from app.window.plots.plot_view import PlotView
 
 
@@ -33,10 +31,6 @@ class CursorAxis:
     def value(self, place: float) -> float:
         """Return the value in the axis' unit at a position x in the plot."""
         return float(10.0**place) if self.logarithmic else place
-
-    @property
-    def slope_words(self) -> str:
-        return f"slope per {self.per}"
 
 
 TIME = CursorAxis("ms", "s", 1e-3, "Hz")
@@ -162,19 +156,11 @@ class Cursors(QObject):
         for plot in self._view.plots:
             for curve in plot.sampled:
                 if curve.isVisible() and len(curve.samples):
-                    found.append(self._measure(plot, curve, left, right))
+                    x, values = (np.asarray(part, float) for part in curve.between(left, right))
+                    at_a, at_b, x = curve.value_at(a), curve.value_at(b), self.axis.scale * x
+                    name = f"{plot.title}, {curve.label}"
+                    found.append(interval_statistics(name, plot.unit, x, values, at_a, at_b))
         return found
-
-    def _measure(
-        self, plot: "FramedPlot", curve: "SampledCurve | PointCurve", left: float, right: float
-    ) -> IntervalStatistics:
-        a, b = self.places
-        x, values = curve.between(left, right)
-        name = f"{plot.title}, {curve.label}"
-        scaled = self.axis.scale * np.asarray(x, float)
-        return interval_statistics(
-            name, plot.unit, scaled, np.asarray(values, float), curve.value_at(a), curve.value_at(b)
-        )
 
     def text(self) -> str:
         """Return all statistics as tab-separated text, with "." as the decimal sign."""
@@ -230,7 +216,7 @@ class CursorReadout(QFrame):
         rows = [tag("tr", tag("td", places, rate, colspan=8))]
         measures = self._cursors.measures()
         if measures:
-            heads = ("", "at A", "at B", "B − A", "mean", "rms", axis.slope_words, "")
+            heads = ("", "at A", "at B", "B − A", "mean", "rms", f"slope per {axis.per}", "")
             rows.append(tag("tr", [_right(tag("b", head)) for head in heads]))
         for m in measures:
             cells = (m.at_a, m.at_b, m.difference, m.mean, m.rms, m.slope)

@@ -93,7 +93,7 @@ def test_the_last_eight_are_overlaid_from_first_touch_on_with_their_numbers(pane
     assert panel.stack.span == pytest.approx((-60.0, 20.0))
     panel.show_contact()
     assert panel.stack.span == pytest.approx(contact_span_ms(entries[-1].shot))
-    panel.show_whole()
+    panel.stack.reset()
     assert panel.stack.span == pytest.approx((-60.0, 20.0))
     panel.show_entries(entries[:2])
     assert [curve.isVisible() for curve in velocity.sampled] == [True] * 2 + [False] * 6

@@ -941,6 +941,6 @@ def test_the_first_contact_of_the_last_shot_is_what_is_zoomed_to(qtbot, shot, mo
     asked = []
     monkeypatch.setattr(panel.stack, "zoom", lambda *span: asked.append(span))
     panel.show_contact()
-    panel.show_whole()
+    panel.stack.reset()
     assert asked[0] == (-1.0, 4.0)
     assert asked[1][0] < -5.0 and asked[1][1] > 40.0

@@ -137,11 +137,9 @@ class ComparePanel(Themed, QWidget):
         self._entries: list[Entry] = []
         column = vertical(self, (6, 6, 6, 2))
         bar = QHBoxLayout()
-        for words, tip, slot in (
-            ("Whole shot", "The whole length of the shots  (1)", self.show_whole),
-            ("First contact", "The bounces at first contact  (2)", self.show_contact),
-        ):
-            bar.addWidget(push_button(words, tip, self, slot))
+        whole = added(bar, push_button("Whole shot", "The whole length of the shots  (1)", self))
+        hover = "The bounces at first contact  (2)"
+        bar.addWidget(push_button("First contact", hover, self, self.show_contact))
         self._say = added(bar, text_label("", self, faint=True, wrap=True), 1)
         self._numbers_followed = of_series()
         hover = "Number plotted against impact speed; a slope shows that it depends on speed"
@@ -152,6 +150,7 @@ class ComparePanel(Themed, QWidget):
         self._legend = added(column, Legend(self))
         split = QSplitter(Qt.Orientation.Horizontal, self)
         self.stack = TimeStack("Overlaid shots", split)
+        whole.clicked.connect(self.stack.reset)
         velocity, force = self.stack.add_plot("velocity", "m/s", 2), self.stack.add_plot("force", "N", 3)
         self.stack.label_time("time from first touch (ms)")
         self._velocity_curves, self._force_curves = (
@@ -231,10 +230,6 @@ class ComparePanel(Themed, QWidget):
         entries = [words for words, _ in self._legend.entries]
         self.stack.setToolTip(tag("span", lines(entries)) if low and entries else "")
         self.trend.setToolTip(self.repeatability.text() if low else "")
-
-    @Slot()
-    def show_whole(self) -> None:
-        self.stack.reset()
 
     @Slot()
     def show_contact(self) -> None:

@@ -1,7 +1,7 @@
 """The Qt model of the table of shots: sorted, filtered and grouped rows, tooltips, editable notes."""
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -174,24 +174,6 @@ def _heading(words: str, column: int, role: int) -> Any:
     return None
 
 
-class _CombinedCache:
-    """Cache of the shots' combined standard uncertainties."""
-
-    def __init__(self) -> None:
-        self._made: dict[int, tuple[Shot, Mapping[str, float]]] = {}  # by id(shot); keeps the shot, so its id
-
-    def of(self, shot: Shot) -> Mapping[str, float]:
-        """Return the combined standard uncertainties of a shot."""
-        if id(shot) not in self._made:
-            self._made[id(shot)] = (shot, combined_of(shot))
-        return self._made[id(shot)][1]
-
-    def keep(self, shots: Iterable[Shot]) -> None:
-        """Drop all shots except these."""
-        listed = {id(shot) for shot in shots}
-        self._made = {key: made for key, made in self._made.items() if key in listed}
-
-
 class SessionModel(QAbstractTableModel):
     """The Qt table model; emits ``note_edited`` when a note is edited."""
 
@@ -204,7 +186,7 @@ class SessionModel(QAbstractTableModel):
         self.rows: tuple[Entry | str, ...] = ()  # the rows shown, with a heading before each group
         self.order = TableOrder()
         self._struck: frozenset[int] = frozenset()
-        self._combined = _CombinedCache()
+        self._made: dict[int, tuple[Shot, Mapping[str, float]]] = {}  # by id(shot); keeps the shot, so its id
 
     @property
     def identities(self) -> list[int | str]:
@@ -217,7 +199,8 @@ class SessionModel(QAbstractTableModel):
         ``struck`` are numbers of entries whose verdict is outdated.
         """
         self.entries, self._struck = entries, frozenset(struck)
-        self._combined.keep(entry.shot for entry in entries if entry.shot is not None)
+        listed = {id(entry.shot) for entry in entries}
+        self._made = {key: made for key, made in self._made.items() if key in listed}
         self._arrange()
 
     def arrange(self, order: TableOrder) -> None:
@@ -247,11 +230,17 @@ class SessionModel(QAbstractTableModel):
         found = self.rows[row] if row < len(self.rows) else None
         return found if isinstance(found, Entry) else None
 
+    def _combined(self, shot: Shot) -> Mapping[str, float]:
+        """Return the combined standard uncertainties of a shot, computed once."""
+        if id(shot) not in self._made:
+            self._made[id(shot)] = (shot, combined_of(shot))
+        return self._made[id(shot)][1]
+
     def _stated(self, entry: Entry, number: ResultNumber) -> Reading | None:
         """Return a number with its combined standard uncertainty."""
         if entry.shot is None:
             return None
-        return stated(number.find(entry.shot), number.key, self._combined.of(entry.shot))
+        return stated(number.find(entry.shot), number.key, self._combined(entry.shot))
 
     def _searched(self, entry: Entry) -> str:
         flags = (
@@ -322,7 +311,7 @@ class SessionModel(QAbstractTableModel):
             value = value_text(reading, number.scale)
             if number.origin is Origin.STATED:  # its ± was stated with the value
                 return reading_tooltip(number.head, reading, value)
-            which = COMBINED if shot is not None and number.key in self._combined.of(shot) else NOISE_ONLY
+            which = COMBINED if shot is not None and number.key in self._combined(shot) else NOISE_ONLY
             return reading_tooltip(number.head, reading, value, which)
         if column == FLAGS and entry.shot is not None:
             return "\n".join(map(flag_line, by_severity(entry.shot.flags)))

@@ -45,7 +45,7 @@ BUTTONS = {
 class SessionTable(QFrame):
     """The table of shots with its buttons."""
 
-    selected = Signal(list)
+    selected = Signal()
     note_edited = Signal(int, str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
@@ -65,6 +65,7 @@ class SessionTable(QFrame):
         column.addLayout(bar)
         self._make_table()
         column.addWidget(self.table, 1)
+        self.filter.returnPressed.connect(self.table.setFocus)  # so that the space key arms again
         self.table.selectionModel().selectionChanged.connect(self._changed)
         self._enable()
 
@@ -118,16 +119,10 @@ class SessionTable(QFrame):
         self.group.setMinimumContentsLength(8)
         self.columns = push_button("Columns …", "Choose which columns are shown  (Ctrl+Shift+F)", self)
         self.filter.textChanged.connect(self._arrange)
-        self.filter.returnPressed.connect(self._leave_filter)
         self.group.currentIndexChanged.connect(self._arrange)
         self.columns.clicked.connect(self.choose_columns)
         for place, widget in enumerate((self.filter, self.group, self.columns), 1):
             bar.insertWidget(place, widget)
-
-    @Slot()
-    def _leave_filter(self) -> None:
-        """Move the focus to the table, so that the space key arms again."""
-        self.table.setFocus()
 
     @property
     def shown(self) -> list[int]:
@@ -273,4 +268,4 @@ class SessionTable(QFrame):
     def _changed(self) -> None:
         self._numbers = self._selected_numbers()
         self._enable()
-        self.selected.emit(self.numbers)
+        self.selected.emit()

@@ -31,7 +31,6 @@ class SetupSheet(Sheet):
     """The guided set-up: three steps from top to bottom."""
 
     source_wanted = Signal(str)
-    address_wanted = Signal(str)  # the address as typed
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Set-up", parent)
@@ -58,9 +57,8 @@ class SetupSheet(Sheet):
             "oscilloscope in the network, as 192.168.1.5",
         )
         self.address.setMaxLength(300)
-        self.address.returnPressed.connect(self._address)
         hover = "Open the oscilloscope at this address  (Enter in the field)"
-        self.use_address = push_button("Use", hover, self, self._address)
+        self.use_address = push_button("Use", hover, self)
         self.use_address.setAccessibleName("Use the oscilloscope at this address")
         add_row(column, self.address, self.use_address)
         self.refusal = added(column, text_label("", self, wrap=True))
@@ -161,10 +159,6 @@ class SetupSheet(Sheet):
 
     def open(self) -> None:
         self.open_at(self.look if self.look.isEnabled() else self._close)
-
-    @Slot()
-    def _address(self) -> None:
-        self.address_wanted.emit(self.address.text())
 
     @Slot()
     def _copy(self) -> None:

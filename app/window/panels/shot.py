@@ -103,8 +103,8 @@ class ShotPanel(QWidget):
         self._cursor_button.toggled.connect(self.show_cursors)
         bar.addWidget(self._cursor_button)
         hover = "Save this plot as PNG, SVG or CSV; also by right click  (Ctrl+P)"
-        self._menu_button = push_button("Save plot …", hover, self, self.open_menu)
-        bar.addWidget(self._menu_button)
+        self.save_plot = push_button("Save plot …", hover, self)
+        bar.addWidget(self.save_plot)
         column.addLayout(bar)
         bar.addWidget(self.motion.kind)
         column.addWidget(self._legend)
@@ -182,7 +182,7 @@ class ShotPanel(QWidget):
         self._pages.setCurrentWidget(page)
         self.motion.kind.setVisible(page is self.stack)
         self._show_words()
-        for button in (self._cursor_button, self._menu_button):
+        for button in (self._cursor_button, self.save_plot):
             button.setEnabled(page is not self._empty)
         self._cursors_moved()
         self._label_lines()
@@ -263,12 +263,6 @@ class ShotPanel(QWidget):
         shown = plot is not None and plot.cursors.shown
         if self._cursor_button.isChecked() != shown:
             self._cursor_button.setChecked(shown)
-
-    @Slot()
-    def open_menu(self) -> None:
-        plot = self.plot_in_front()
-        if plot is not None:
-            plot.open_menu()
 
 
 def _no_force(shot: Shot) -> str:

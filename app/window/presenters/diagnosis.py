@@ -41,7 +41,7 @@ class DiagnosisPresenter(QObject):
         page.effects.add_wanted.connect(self._add)
         page.effects.remove_wanted.connect(self._remove)
         page.next_steps.try_wanted.connect(self._try)
-        page.why.pointed.connect(self._pointed)
+        page.why.pointed.connect(workbench.candidate_residuals.first)
 
     def refresh(self) -> None:
         """Show progress, the diagnosis of the selected shots and the effects in the model."""
@@ -115,10 +115,6 @@ class DiagnosisPresenter(QObject):
     @Slot(object)
     def _try(self, effect: Effect) -> None:
         self._workbench.model.add_tried(self._base(), effect)
-
-    @Slot(object)
-    def _pointed(self, effect: Effect) -> None:
-        self._workbench.candidate_residuals.first(effect)
 
     @Slot(object)
     def _remove(self, effect: Effect) -> None:

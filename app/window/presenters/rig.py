@@ -154,16 +154,13 @@ class RigPresenter(QObject):
         """Open another source; ask for the recording if it is a replay."""
         if name == "replay:":
             self._offer_sources()
-            start = self._store.start_folder
-            ask(self._panels, "Recording to play back", PathKind.FILE, self._replay_asked, start, RECORDINGS)
+            title, start = "Recording to play back", self._store.start_folder
+            ask(self._panels, title, PathKind.FILE, lambda path: self.use_source(f"replay:{path}"), start, RECORDINGS)
             return
         if name != self._rig.source:
             self._rig.open(name)
             self._store.remember_source(name)
         self._offer_sources()
-
-    def _replay_asked(self, path: Path) -> None:
-        self.use_source(f"replay:{path}")
 
     def _offer_sources(self) -> None:
         self._offered = self._rig.sources()

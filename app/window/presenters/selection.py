@@ -33,7 +33,7 @@ class SelectionPresenter(QObject):
         self._shown: tuple[int, object, object] | None = None
         self._undrawn: set[int] = set()  # pages not yet drawn for the present selection
         self._raw: tuple[int, Recording | None] | None = None
-        panels.table.selected.connect(self._selected)
+        panels.table.selected.connect(self.show_again)
         panels.shot.raw_wanted.connect(self._raw_wanted)
         panels.shot.drive_wanted.connect(self._drive_wanted)
         panels.tabs.currentChanged.connect(self._page_changed)
@@ -60,10 +60,6 @@ class SelectionPresenter(QObject):
         """Return the last selected entry, which the panels show."""
         numbers = self._panels.table.numbers
         return self._workbench.session.entry(numbers[-1]) if numbers else None
-
-    def show_again(self) -> None:
-        """Update the panels after a change of the selected shots."""
-        self._selected(self._panels.table.numbers)
 
     def _why_none(self) -> str:
         """Return a sentence that says why no shot is shown; "" for an empty session."""
@@ -93,8 +89,9 @@ class SelectionPresenter(QObject):
             self._raw = (entry.number, raw_of(entry))
         return self._raw[1]
 
-    @Slot(list)
-    def _selected(self, _: list[int]) -> None:
+    @Slot()
+    def show_again(self) -> None:
+        """Update the panels after a change of the selection or of the selected shots."""
         p = self._panels
         entry = self.front()
         shot = entry.shot if entry is not None else None

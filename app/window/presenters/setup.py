@@ -41,8 +41,10 @@ class SetupPresenter(QObject):
         self._judged_s = 0.0
         self._sheet.look.clicked.connect(self.look)
         self._sheet.source_wanted.connect(self.source_wanted)
-        self._sheet.address_wanted.connect(self._use_address)
-        self._sheet.arm.clicked.connect(self._arm)
+        self._sheet.address.returnPressed.connect(self._use_address)
+        self._sheet.use_address.clicked.connect(self._use_address)
+        self._sheet.arm.clicked.connect(self._sheet.hide)
+        self._sheet.arm.clicked.connect(self.arm_wanted)
         rig.remember_network(store.settings.network_sources)
         panels.work.setup.clicked.connect(self.toggle_setup)
 
@@ -117,10 +119,10 @@ class SetupPresenter(QObject):
         floor = snapshot.live.floor
         return (*checks, judge_site(floor)) if floor is not None else checks, ""
 
-    @Slot(str)
-    def _use_address(self, typed: str) -> None:
+    @Slot()
+    def _use_address(self) -> None:
         try:
-            self._typed = network_source(typed)
+            self._typed = network_source(self._sheet.address.text())
         except DigitizerError as error:
             self._sheet.refuse_address(str(error))
             return
@@ -135,8 +137,3 @@ class SetupPresenter(QObject):
             self._sheet.address.clear()
             self._present = ""
             self._typed = ""
-
-    @Slot()
-    def _arm(self) -> None:
-        self._sheet.hide()
-        self.arm_wanted.emit()

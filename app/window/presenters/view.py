@@ -32,6 +32,7 @@ class ViewPresenter(QObject):
             plot.export_wanted.connect(self._ask_and_save)
         p.model.details.clicked.connect(partial(call_with, self.show_page, "DIAGNOSIS"))
         p.numbers.budget.clicked.connect(partial(call_with, self.show_page, "BUDGET"))
+        p.shot.save_plot.clicked.connect(self.plot_menu)
         p.work.keys.clicked.connect(p.keys.toggle)
         p.work.notices.all.clicked.connect(p.messages.toggle)
 
@@ -46,7 +47,7 @@ class ViewPresenter(QObject):
     def show_view(self, name: str) -> None:
         """Show a view of the shot; on COMPARE show the whole length or the first contact of the overlaid shots."""
         compare = self._panels.compare
-        of_several = {"whole": compare.show_whole, "contact": compare.show_contact}
+        of_several = {"whole": compare.stack.reset, "contact": compare.show_contact}
         if self._panels.tabs.currentIndex() == Layout.COMPARE and name in of_several:
             of_several[name]()
             return

@@ -235,7 +235,7 @@ def test_compare(window):
     parts = {"two shots": of(panels.compare)}
     panels.compare.show_contact()
     parts["first contact"] = of(panels.compare.stack)
-    panels.compare.show_whole()
+    panels.compare.stack.reset()
     for place in range(panels.compare.which.count()):
         panels.compare.which.setCurrentIndex(place)
         parts[f"trend of {panels.compare.which.currentText()}"] = [

@@ -18,7 +18,7 @@ from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.help import AboutSheet, KeySheet, Tour
 from app.window.panels.large import LargePanel
-from app.window.panels.law_sheet import LawSheet
+from app.window.panels.law import LawSheet
 from app.window.panels.live import LivePanel
 from app.window.panels.mapping_sheet import MappingSheet
 from app.window.panels.model import ModelPanel

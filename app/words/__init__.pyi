@@ -1,6 +1,5 @@
-from .escaping import EscapingStream, cell
 from .flags import MILD_FLAGS, by_severity, flag_name, flag_words, flags_in_short
-from .markup import Markup, joined, lines, table, tag
+from .markup import EscapingStream, Markup, cell, joined, lines, table, tag
 from .model_texts import (
     CHANNEL_NAMES,
     OUTDATED,

@@ -8,7 +8,7 @@ import pytest
 
 from app.command_line.cli import main
 from app.report.exports import write_table
-from app.words.escaping import cell, escape_controls
+from app.words.markup import cell, escape_controls
 
 ESCAPE = "\x1b]0;owned\x07\x1b[2J\r\x08\u202e\x9b31m\u2028"
 

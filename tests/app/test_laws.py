@@ -20,8 +20,7 @@ from app.session.model_in_use import OwnLaws
 from app.session.result_archive import NotStorable, rebuild, split
 from app.session.session import Session
 from app.session.verdict_basis import ModelEffects, VerdictBasis
-from app.window.panels.law_curve import LawCurve
-from app.window.panels.law_sheet import LawSheet
+from app.window.panels.law import LawCurve, LawSheet
 from instrument.files.law_file import read_law, write_law
 from instrument.files.recording_error import RecordingError
 from tests.app.synthetic import diagnosis, learned_law, shot

@@ -9,7 +9,7 @@ from analysis.diagnosis.result import Errors
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty import diagnosed_band
 from app.report.shot_figures import contact_span_ms, deflection_of
-from app.window.panels.law_curve import LawCurve
+from app.window.panels.law import LawCurve
 from app.window.panels.numbers import NumbersPanel, wide_words
 from app.window.panels.residuals import Residuals, _errors_table
 from app.window.panels.shot_motion import DeflectionView, GapView

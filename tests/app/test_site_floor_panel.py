@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from analysis.reading.site import CENTRES_HZ, CRITERIA_M_PER_S, MachineLine, SiteFloor
-from app.window.panels.site_floor import (
+from app.window.panels.live import (
+    CRITERIA,
     LABELLED,
     NO_FLOOR,
-    SHOWN,
     SiteFloorPanel,
     floor_words,
     line_words,
@@ -58,7 +58,7 @@ def test_what_costs_is_said_worst_first(panel) -> None:
 
 
 def test_the_criteria_are_levels_in_micrometres_per_second(panel) -> None:
-    for name, curve, label in zip(SHOWN, panel._criteria, panel._names, strict=True):
+    for name, curve, label in zip(CRITERIA, panel._criteria, panel._names, strict=True):
         x, y = curve.getData()
         level = 1e6 * CRITERIA_M_PER_S[name]
         assert 10 ** np.asarray(x) == pytest.approx([8.0, 80.0]) and 10 ** np.asarray(y) == pytest.approx(level)

@@ -8,7 +8,7 @@ from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words
 from analysis.shot import Shot
 from app.window.panels.effects import CandidateBars, EffectRows
-from app.window.panels.law_curve import LawCurve
+from app.window.panels.law import LawCurve
 from app.window.panels.next_steps import NextShotCard, NextSteps
 from app.window.panels.residuals import ResidualOverlay, Residuals
 from app.window.plots.plot_view import PlotView, in_front

@@ -33,13 +33,12 @@ from app.window import commands
 from app.window.layout import Layout, first_size, keep_within_screen, restore_state, state_text
 from app.window.presenters.diagnosis import DiagnosisPresenter, LawsPresenter, NextShotPresenter
 from app.window.presenters.files import FilesPresenter, ModelPresenter
-from app.window.presenters.help import HelpPresenter
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.rig import RigPresenter
 from app.window.presenters.selection import PlotNotesPresenter, SelectionPresenter, TablesPresenter
 from app.window.presenters.session import SessionPresenter
 from app.window.presenters.setup import SetupPresenter
-from app.window.presenters.view import ViewPresenter
+from app.window.presenters.view import HelpPresenter, ViewPresenter
 from app.window.theme import Theme, Tone
 from app.words import counted
 from instrument.capture import Snapshot, State

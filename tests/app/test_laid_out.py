@@ -18,7 +18,7 @@ from app.window.panels.help import Step, Tour
 from app.window.panels.numbers import NumbersPanel
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_plot import TimeStack
-from app.window.presenters.help import HelpPresenter
+from app.window.presenters.view import HelpPresenter
 from app.window.theme import DARK, LIGHT, MARKS, Theme, Tone, sized, style_sheet
 from app.window.widgets import FlowLayout, set_tone, show_toned, text_label
 from instrument.devices.device_search import FoundDevice

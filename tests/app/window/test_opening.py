@@ -15,7 +15,7 @@ from app.session.log import ProgramLog
 from app.window import main_window
 from app.window.layout import Layout, restore_state, state_text
 from app.window.main_window import open_window
-from app.window.presenters.help import HelpPresenter
+from app.window.presenters.view import HelpPresenter
 from instrument.bench.site import USUAL_SITE
 from tests.app import rigs
 

@@ -213,7 +213,7 @@ def test_what_is_read_from_afar_is_written_largest(panels):
     """Speed, state, clock, verdict, headline, ARM, a step of the tour, the sentence on the state: each a size less."""
     banner, numbers, sheet = panels.banner, panels.numbers, panels.settings
     (title,) = [label for label in sheet.findChildren(QLabel) if label.text() == "Settings"]
-    headline = numbers._widgets[next(row.name for row in NUMBERS if row.headline)][1]
+    headline = numbers.values[next(row.name for row in NUMBERS if row.headline)]
     ranked = (
         panels.live.numbers["velocity"], banner.word, banner._clock, panels.diagnosis._verdict, headline,
         panels.controls.arm, panels.tour.title, banner.detail, panels.numbers,

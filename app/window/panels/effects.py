@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from PySide6.QtCore import QEvent, QObject, QRectF, QSize, Qt, Signal, Slot
 from PySide6.QtGui import QColor, QPainter, QPaintEvent
-from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import CRITERIA, Candidate, FoundEffect, remark_on
@@ -147,21 +147,20 @@ class CandidateBars(Themed, QWidget):
                 grid.addWidget(head, 0, place)
         shown = ranked if self._all else ranked[:SHOWN]
         most = max((_evidence(c) for c in ranked), default=1.0)
-        line, ruled = 1, False
+        ruled = False
         for candidate in shown:
             if not ruled and _evidence(candidate) < self.threshold:
-                self._add_rule(grid, line, inner)
-                line, ruled = line + 1, True
-            self._add_row(grid, line, candidate, most, inner)
-            line += 1
+                self._add_rule(grid, inner)
+                ruled = True
+            self._add_row(grid, candidate, most, inner)
         if len(ranked) > SHOWN:
             words = "Show fewer" if self._all else f"Show all {len(ranked)}"
             more = push_button(words, "The other candidates that were tried", inner, self._show_all)
-            grid.addWidget(more, 2 * line, 0, 1, 3, Qt.AlignmentFlag.AlignLeft)
+            grid.addWidget(more, grid.rowCount(), 0, 1, 3, Qt.AlignmentFlag.AlignLeft)
         self._column.insertWidget(0, inner)
         inner.show()
 
-    def _add_rule(self, grid: QGridLayout, line: int, inner: QWidget) -> None:
+    def _add_rule(self, grid: QGridLayout, inner: QWidget) -> None:
         rule = text_label(f"evidence begins above: −ΔBIC {number(self.threshold, 3)}", inner, wrap=True)
         rule.setToolTip(
             "A fall of the BIC by 10 is very strong evidence (Kass and Raftery 1995); the rest is the price of having "
@@ -169,13 +168,10 @@ class CandidateBars(Themed, QWidget):
         )
         frame = QFrame(inner)
         frame.setFrameShape(QFrame.Shape.HLine)
-        column = QVBoxLayout()
-        column.setSpacing(0)
-        column.addWidget(frame)
-        column.addWidget(rule)
-        grid.addLayout(column, 2 * line, 0, 1, 3)
+        grid.addWidget(frame, grid.rowCount(), 0, 1, 3)
+        grid.addWidget(rule, grid.rowCount(), 0, 1, 3)
 
-    def _add_row(self, grid: QGridLayout, line: int, candidate: Candidate, most: float, inner: QWidget) -> None:
+    def _add_row(self, grid: QGridLayout, candidate: Candidate, most: float, inner: QWidget) -> None:
         pays = candidate.delta_bic is None or candidate.delta_bic < 0.0
         chosen = candidate.effect in self._named and pays
         words = (f"{MARKS[Tone.GOOD]} " if chosen else "") + candidate.effect.words
@@ -195,11 +191,12 @@ class CandidateBars(Themed, QWidget):
         numbers = effect_numbers(candidate.effect, candidate.parameters)
         hover = lines((tag("b", candidate.effect.words), remark, numbers))
         right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        grid.addWidget(name, 2 * line, 0)
-        grid.addWidget(bar, 2 * line + 1, 0)
+        line = grid.rowCount()
+        grid.addWidget(name, line, 0)
+        grid.addWidget(bar, line + 1, 0)
         for place, label in enumerate((evidence, size), 1):
             label.setAlignment(right)
-            grid.addWidget(label, 2 * line, place, 2, 1)
+            grid.addWidget(label, line, place, 2, 1)
         for widget in (name, bar, evidence, size):
             widget.setToolTip(hover)
             widget.setProperty("candidate", candidate.effect.key)

@@ -36,15 +36,12 @@ def _effect_lines(shot: Shot | None) -> list[str]:
     fit = shot.fit if shot is not None else None
     if fit is None or not fit.converged:
         return []
-    lines = []
+    found = []
     for effect in fit.effects:
-        own = {
-            name.removeprefix(f"{effect.key}."): q
-            for name, q in fit.parameters.items()
-            if name.startswith(f"{effect.key}.")
-        }
-        lines.append(f"{effect.words}: " + effect_numbers(effect, own))
-    return lines
+        prefix = f"{effect.key}."
+        own = {name.removeprefix(prefix): q for name, q in fit.parameters.items() if name.startswith(prefix)}
+        found.append(f"{effect.words}: {effect_numbers(effect, own)}")
+    return found
 
 
 def wide_words(reading: Reading | None) -> str:
@@ -68,7 +65,6 @@ class NumbersPanel(Themed, QScrollArea):
         self._rows: list[ResultNumber] = []
         self.values: dict[str, QLabel] = {}
         self._names: dict[str, QLabel] = {}
-        self._widgets: dict[str, list[QWidget]] = {}
         self._foldable: list[QWidget] = []  # numbers that a button shows or hides, with their sentences
         inner = QWidget(self)
         column = vertical(inner, (10, 4, 8, 4))
@@ -103,32 +99,29 @@ class NumbersPanel(Themed, QScrollArea):
 
     def _add_groups(self, grid: QGridLayout, inner: QWidget) -> None:
         """Add all numbers under the headings of their groups."""
-        line = 0
-        for heading, numbers in ((group, shown_numbers(group)) for group in Group if group is not Group.ANALYSIS):
-            label = text_label(heading.value, inner, heading=True)
-            grid.addWidget(label, line, 0, 1, 3)
-            self._groups[heading] = [label]
-            label.setMinimumHeight(int(1.15 * self.fontMetrics().height()) if line else 0)  # the first needs none
+        for group in (group for group in Group if group is not Group.ANALYSIS):
+            label = text_label(group.value, inner, heading=True)
+            if self._rows:  # the first heading needs no space above it
+                label.setMinimumHeight(int(1.15 * self.fontMetrics().height()))
             label.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)
-            line += 1
-            for row in numbers:
-                self._rows.append(row)
-                self._groups[heading] += self._add_row(grid, line, row, inner)
-                line += 1
+            grid.addWidget(label, grid.rowCount(), 0, 1, 3)
+            members = self._groups[group] = [label]
+            for row in shown_numbers(group):
+                widgets = self._add_row(grid, row, inner)
                 if row.key == "cor_impulse":
                     self.agreement = text_label("", inner, bold=True)
                     self.agreement.setAlignment(Qt.AlignmentFlag.AlignRight)
-                    grid.addWidget(self.agreement, line, 0, 1, 3)
-                    self._groups[heading].append(self.agreement)
-                    line += 1
-                if row.folded:
-                    self._groups[heading].append(self._add_sentence(grid, line, row, inner))
-                    line += 1
+                    grid.addWidget(self.agreement, grid.rowCount(), 0, 1, 3)
+                    widgets.append(self.agreement)
+                if row.folded:  # its explanation
+                    widgets.append(text_label(row.folded, inner, faint=True, wrap=True))
+                    grid.addWidget(widgets[-1], grid.rowCount(), 0, 1, 3)
+                    self._foldable += widgets
                 elif row.key == PAPERS_KINETIC:
-                    self._groups[heading] += self._add_fold(grid, line, inner)
-                    line += 1
+                    widgets += self._add_fold(grid, inner)
+                members += widgets
 
-    def _add_row(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> list[QWidget]:
+    def _add_row(self, grid: QGridLayout, row: ResultNumber, inner: QWidget) -> list[QWidget]:
         name = QLabel(row.name, inner)
         name.setProperty("quantity", True)
         value = text_label("–", inner, selectable=True)
@@ -139,38 +132,32 @@ class NumbersPanel(Themed, QScrollArea):
         widest = "0.98755567(44)" if row.headline else "-0.987555673(44)"
         value.setMinimumWidth(value.fontMetrics().horizontalAdvance(widest))
         value.setAccessibleName(f"{row.name} {row.shown_unit}")
-        grid.addWidget(name, line, 0)
-        grid.addWidget(value, line, 1)
-        grid.addWidget(unit, line, 2)
+        line = grid.rowCount()
+        for place, label in enumerate((name, value, unit)):
+            grid.addWidget(label, line, place)
+        self._rows.append(row)
         self.values[row.name], self._names[row.name] = value, name
-        self._widgets[row.name] = [name, value, unit]
         return [name, value, unit]
 
-    def _add_fold(self, grid: QGridLayout, line: int, inner: QWidget) -> list[QWidget]:
+    def _add_fold(self, grid: QGridLayout, inner: QWidget) -> list[QWidget]:
         """Add the remark that one kinetic COR is the paper's, and the button that shows the others."""
         note = text_label(f"the paper's ({localised_number(f'{PAPERS_VALUE:.4f}')} there)", inner, faint=True)
         note.setToolTip("The paper times T1 and T2 between peaks of the force; PAPER (Ctrl+7) has all its numbers")
         hover = "Show the kinetic COR by onsets, by flights and of the fitted contact"
         self.others = FoldButton("3 other definitions", hover, inner)
         self.others.toggled.connect(self._folded)
+        line = grid.rowCount()
         grid.addWidget(note, line, 0)
         grid.addWidget(self.others, line, 1, 1, 2, Qt.AlignmentFlag.AlignRight)
         return [note, self.others]
-
-    def _add_sentence(self, grid: QGridLayout, line: int, row: ResultNumber, inner: QWidget) -> QWidget:
-        """Add the explanation below a foldable number."""
-        sentence = text_label(row.folded, inner, faint=True, wrap=True)
-        grid.addWidget(sentence, line, 0, 1, 3)
-        self._foldable += [*self._widgets[row.name], sentence]
-        return sentence
 
     @Slot(bool)
     def _folded(self, shown: bool) -> None:
         for widget in self._foldable:
             widget.setVisible(shown and self.others.isVisibleTo(self))
 
-    @Slot(bool)
-    def _uncertainty_chosen(self, _: bool) -> None:
+    @Slot()
+    def _uncertainty_chosen(self) -> None:
         self.show_shot(self._shot, self._title, self._version)
 
     def _reading(self, row: ResultNumber) -> Reading | None:
@@ -199,12 +186,11 @@ class NumbersPanel(Themed, QScrollArea):
             label.setText(self._fitting(label, reading, row.scale))
             which = COMBINED if row.key in self._combined else NOISE_ONLY
             doubts = concerning(row.key, shot.flags) if shot is not None else ()
-            wide = wide_words(reading)
-            said = (*map(flag_line, doubts), *([wide] if wide else []))
-            hover = lines((reading_tooltip(row.name, reading, row.meaning, which), *said))
+            poor = [wide] if (wide := wide_words(reading)) else []
+            hover = lines((reading_tooltip(row.name, reading, row.meaning, which), *map(flag_line, doubts), *poor))
             label.setToolTip(hover)
-            self._mark(row, doubts, hover, bool(wide))
-            remarks = "; ".join((*map(flag_words, doubts), *([wide] if wide else [])))
+            self._mark(row, doubts, hover, bool(poor))
+            remarks = "; ".join((*map(flag_words, doubts), *poor))
             label.setAccessibleDescription(f"{label.text()} {row.shown_unit} {remarks}".rstrip())
         self.noise_only.setVisible(not driven)  # the numbers of a drive have no budget
         self.budget.setVisible(not driven)
@@ -246,13 +232,8 @@ class NumbersPanel(Themed, QScrollArea):
         if isinstance(first, Quantity) and isinstance(second, Quantity):
             spread = math.hypot(first.std, second.std)
             apart = abs(first.value - second.value) / spread if spread > 0 else math.inf
-            tone = Tone.GOOD if apart <= 3 else Tone.WARNING
-            words = (
-                "quasi-static and impulse COR agree"
-                if tone is Tone.GOOD
-                else f"quasi-static and impulse COR differ by {apart:.0f} σ"
-            )
-            show_toned(self.agreement, words, tone)
+            how, tone = ("agree", Tone.GOOD) if apart <= 3 else (f"differ by {apart:.0f} σ", Tone.WARNING)
+            show_toned(self.agreement, f"quasi-static and impulse COR {how}", tone)
             self.agreement.setToolTip("Difference between quasi-static and impulse COR, relative to their noise")
 
     def _show_flags(self, shot: Shot | None) -> None:

@@ -695,7 +695,7 @@ def test_the_band_of_a_diagnosed_residual_says_what_it_is(qtbot, shot):
         found = synthetic.diagnosis(shaken)
         found = replace(found, verdict=verdict, fit_after=replace(found.fit_after, noise_std_m=noise_m))
         panels[1].show_diagnosis(found, [shaken])
-        same = of_diagnosis._bands[1].typical == pytest.approx(of_shot._band.typical, rel=1e-9)
+        same = of_diagnosis.stack.bands[1].typical == pytest.approx(of_shot._band.typical, rel=1e-9)
         assert same == building
         assert ("noise and floor vibration" if building else "noise, from all shots") in of_diagnosis._heading.text()
 

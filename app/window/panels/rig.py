@@ -52,8 +52,7 @@ class Controls(QWidget):
     def show_state(self, can_arm: bool, can_abort: bool) -> None:
         """Enable the controls that can be used now."""
         for widget, can in ((self.arm, can_arm), (self.abort, can_abort), (self.source, can_arm)):
-            if widget.isEnabled() != can:
-                widget.setEnabled(can)
+            widget.setEnabled(can)
 
     @Slot(int)
     def _chosen(self, _: int) -> None:
@@ -137,9 +136,8 @@ class Banner(Themed, QFrame):
             self.save_elsewhere.setVisible(unsaved > 0)
             self._clock.setVisible(unsaved == 0)  # the sentence needs its space
             self._fit()
-        words = f"Save {counted(unsaved, 'shot')} elsewhere …"
-        if unsaved and self.save_elsewhere.text() != words:
-            self.save_elsewhere.setText(words)
+        if unsaved:
+            self.save_elsewhere.setText(f"Save {counted(unsaved, 'shot')} elsewhere …")
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)
@@ -170,8 +168,7 @@ class Banner(Themed, QFrame):
             self.detail.setToolTip(detail)
             self.setAccessibleDescription(f"{word}. {detail}")
             self._fit()
-        if clock != self._clock.text():
-            self._clock.setText(clock)
+        self._clock.setText(clock)
 
 
 @dataclass(frozen=True, slots=True)

@@ -260,9 +260,7 @@ class ShotPanel(QWidget):
     @Slot()
     def _cursors_moved(self) -> None:
         plot = self.plot_in_front()
-        shown = plot is not None and plot.cursors.shown
-        if self._cursor_button.isChecked() != shown:
-            self._cursor_button.setChecked(shown)
+        self._cursor_button.setChecked(plot is not None and plot.cursors.shown)
 
 
 def _no_force(shot: Shot) -> str:

@@ -207,11 +207,8 @@ class WorkLine(QWidget):
     def show_work(self, jobs: Jobs, rig_doing: str | None, rig_share: float | None) -> None:
         """Show the running job, else the rig's activity."""
         job = jobs.current
-        busy = job is not None or rig_doing is not None
-        if self.progress.isHidden() == busy:
-            self.progress.setVisible(busy)
-        if self.cancel.isHidden() == (job is not None):
-            self.cancel.setVisible(job is not None)
+        self.progress.setVisible(job is not None or rig_doing is not None)
+        self.cancel.setVisible(job is not None)
         if job is not None:
             waiting = jobs.open_jobs - 1
             more = f" (+{waiting})" if waiting > 0 else ""

@@ -201,8 +201,7 @@ class CursorReadout(QFrame):
     def refresh(self) -> None:
         """Update the table."""
         shown = self._cursors.shown and not self._plot.isHidden()
-        if self.isHidden() == shown:
-            self.setVisible(shown)
+        self.setVisible(shown)
         if not shown or not self._plot.isVisible():
             return
         axis = self._cursors.axis

@@ -94,6 +94,7 @@ class FramedPlot(pg.GraphicsWidget):
         super().__init__()
         self.colours = LIGHT
         self.view, self._axes = view, axes
+        self.y_by_hand = True  # False: y follows the data, see TimePlot
         self.sampled: list[SampledCurve | PointCurve] = []  # the curves that the cursors read
         grid = QGraphicsGridLayout()
         grid.setContentsMargins(1, 1, 1, 1)
@@ -148,14 +149,15 @@ class FramedPlot(pg.GraphicsWidget):
 
     @property
     def state(self) -> ViewState:
-        """Get the ranges in view."""
+        """Get the ranges in view, and whether the operator has set y."""
         (left, right), (low, high) = self.view.viewRange()
-        return (left, right), (low, high), True
+        return (left, right), (low, high), self.y_by_hand
 
     def restore(self, state: ViewState) -> None:
-        """Restore the ranges of a state."""
-        x, y, _ = state
+        self.y_by_hand = True  # prevents a fit of y while x changes
+        x, y, by_hand = state
         self.view.setRange(xRange=x, yRange=y, padding=0)
+        self.y_by_hand = by_hand
 
     def getAxis(self, side: str) -> PlainAxis:
         return self._axes[side]

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QWidget
 from app.window.plots.axis import PlainAxis
 from app.window.plots.cursors import TIME, CursorAxis
 from app.window.plots.curve import Band, PointCurve, SampledCurve
-from app.window.plots.framed_plot import FramedPlot, Span, ViewState
+from app.window.plots.framed_plot import FramedPlot, Span
 from app.window.plots.lines import LineStyle, straight
 from app.window.plots.plot_view import PlotView
 from app.window.theme import Colours
@@ -31,7 +31,7 @@ class TimePlot(FramedPlot):
         self.levels: dict[str, float] = {}  # set by ``show_levels``
         self.minimum_span = 0.0
         self.steady = False  # True for running curves: the y axis moves only when necessary
-        self._y_by_hand = False
+        self.y_by_hand = False
         self.view.sigXRangeChanged.connect(self.fit_y)
         self.view.sigResized.connect(self._resized)
         self.view.y_set_by_user.connect(self._take_y)
@@ -90,25 +90,14 @@ class TimePlot(FramedPlot):
             self.mark_level(level, words)
         self._name_levels()
 
-    @property
-    def state(self) -> ViewState:
-        """Get the ranges in view, and whether the operator has set y."""
-        x, y, _ = super().state
-        return x, y, self._y_by_hand
-
-    def restore(self, state: ViewState) -> None:
-        self._y_by_hand = True  # prevents a fit of y while x changes
-        super().restore(state)
-        self._y_by_hand = state[2]
-
     def free_y(self) -> None:
         """Let the y axis follow the data again."""
-        self._y_by_hand = False
+        self.y_by_hand = False
         self.fit_y(anew=True)
 
     @Slot(bool)
     def _take_y(self, taken: bool) -> None:
-        self._y_by_hand = taken
+        self.y_by_hand = taken
 
     @Slot()
     def _resized(self) -> None:
@@ -123,7 +112,7 @@ class TimePlot(FramedPlot):
     @Slot()
     def fit_y(self, *, anew: bool = False) -> None:
         """Fit the y axis to the data in view, unless the operator has set it; ``anew``: even if it is steady."""
-        if self._y_by_hand:
+        if self.y_by_hand:
             return
         (left, right), _ = self.view.viewRange()
         low, high = math.inf, -math.inf

@@ -125,7 +125,6 @@ def bind(
         more.setToolTip("More menus")
     menus = {name: bar.addMenu(f"&{name}") for name in MENUS}
     actions: dict[str, QAction] = {}
-    again: list[tuple[str, QAction]] = []
     for command in COMMANDS:
         if command.action in (below or {}):
             menus[command.menu].addMenu((below or {})[command.action])
@@ -140,12 +139,11 @@ def bind(
         if command.line_before:
             menus[command.menu].addSeparator()
         menus[command.menu].addAction(action)
-        if command.also is not None:
-            again.append((command.also, action))
         actions[command.action] = action
-    for name in dict.fromkeys(name for name, _ in again):
-        menus[name].addSeparator()
-        menus[name].addActions([action for menu, action in again if menu == name])
+    for name, menu in menus.items():
+        if again := [actions[command.action] for command in COMMANDS if command.also == name]:
+            menu.addSeparator()
+            menu.addActions(again)
     return actions
 
 

@@ -92,16 +92,16 @@ def test_the_residual_of_a_force_is_drawn_before_and_after_each_in_its_unit(qtbo
     told = synthetic.diagnosis(shot)
     driven = replace(shot.fit, model="driven")
     page.show_diagnosis(replace(told, fit_before=driven, fit_after=driven), [shot])
-    assert page._heading.text() == "RESIDUAL OF FORCE" and page.stack_in_view is page.forces.stack
+    assert page._heading.text() == "RESIDUAL OF FORCE" and page.stack_in_view is page.forces
     before = replace(CURVES, modelled_n=MODELLED_N - 5.0, repeatability=Repeatability(0.1, True, "the records"))
     page.show_forces(shot, before, CURVES)
     assert page._heading.text() == "RESIDUAL OF FORCE, a drive (band: ±2 × the cycle-to-cycle repeatability)"
     scales, lefts, halves = (1.0, 1e3), (LEFT_N + 5.0, LEFT_N), (0.2, 0.04)
-    forces = page.forces
-    for curve, band, scale, left, half in zip(forces._curves, forces._bands, scales, lefts, halves, strict=True):
+    forces, curves = page.forces, page.force_curves
+    for curve, band, scale, left, half in zip(curves, forces.bands, scales, lefts, halves, strict=True):
         assert np.allclose(curve.samples, scale * left, rtol=0.0, atol=1e-9) and curve.getData()[0][0] == 0.5
         assert band.typical == pytest.approx(scale * half)
-    assert [plot.unit for plot in forces._plots] == ["N", "mN"] and forces.stack.whole == pytest.approx((0.5, 4.5))
+    assert [plot.unit for plot in forces.plots] == ["N", "mN"] and forces.whole == pytest.approx((0.5, 4.5))
 
 
 def test_the_three_strongest_that_are_not_named_may_be_tried(qtbot) -> None:

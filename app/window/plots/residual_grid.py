@@ -62,7 +62,9 @@ class ResidualGrid(Themed, QWidget):
         curves = [c for cell in self.cells for c in (cell.before_m, cell.after_m) if c is not None]
         noises = [noise for cell in self.cells if math.isfinite(noise := float(np.nanmedian(cell.noise_m)))]
         self.scale = scale_of(curves, 2.0 * float(np.median(noises)) if noises else math.nan)
-        self._describe()
+        factor, unit = prefix_for(self.scale.most, "m")
+        most, linear = number(factor * self.scale.most, 3), number(factor * self.scale.linear, 3)
+        self.setAccessibleDescription(f"{len(self.cells)} shots; up to {most} {unit}, noise band {linear} {unit}")
         self.update()
 
     def overlay(self, overlays: Sequence[Overlay | None]) -> None:
@@ -70,23 +72,13 @@ class ResidualGrid(Themed, QWidget):
         self.overlays = tuple(overlays)
         self.update()
 
-    def _describe(self) -> None:
-        unit = self._unit()
-        self.setAccessibleDescription(
-            f"{len(self.cells)} shots; up to {number(unit[0] * self.scale.most, 3)} {unit[1]}, noise band "
-            f"{number(unit[0] * self.scale.linear, 3)} {unit[1]}"
-        )
-
-    def _unit(self) -> tuple[float, str]:
-        return prefix_for(self.scale.most, "m")
-
     def paintEvent(self, _: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.fillRect(self.rect(), QColor(self.colours.plot))
         if not self.cells:
             return
         metrics = self.fontMetrics()
-        factor, unit = self._unit()
+        factor, unit = prefix_for(self.scale.most, "m")
         labels = [number(factor * tick, 3) for tick in self.scale.ticks()]
         left = max(metrics.horizontalAdvance(label) for label in [*labels, unit]) + 8
         bottom = metrics.height() + 4

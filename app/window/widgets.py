@@ -148,9 +148,16 @@ def combo_box(name: str, hover: str, parent: QWidget, items: Iterable[tuple[str,
     box = QComboBox(parent)
     box.setAccessibleName(name)
     box.setToolTip(hover)
+    fill_box(box, items)
+    return box
+
+
+def fill_box(box: QComboBox, items: Iterable[tuple[str, object]], chosen: object = None) -> None:
+    """Replace the items of a drop-down list; the item with the stored value ``chosen`` is selected, else the first."""
+    box.clear()
     for words, stored in items:
         box.addItem(words, stored)
-    return box
+    box.setCurrentIndex(max(0, box.findData(chosen)))
 
 
 def line_edit(name: str, hover: str, parent: QWidget, placeholder: str = "") -> QLineEdit:

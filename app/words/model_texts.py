@@ -25,11 +25,11 @@ def base_words(base: str) -> str:
 
 
 def model_in_words(base: str, effects: Collection[Effect], tried: Collection[Effect] = ()) -> str:
-    """Return "paper model, no added effects" or "paper model + quadratic drag on the block"."""
+    """Return "paper model + quadratic drag on the block (tried)"; no diagnosis found the ``tried`` effects."""
     words = base_words(base)
     if not effects:
         return f"{words}, no added effects"
-    return " + ".join((words, *(model_effect_words(effect, tried) for effect in effects)))
+    return " + ".join((words, *(effect.words + (" (tried)" if effect in tried else "") for effect in effects)))
 
 
 def repeatability_words(repeats: bool, what: str) -> str:
@@ -37,16 +37,6 @@ def repeatability_words(repeats: bool, what: str) -> str:
     if not repeats:
         return what
     return "the record-to-record repeatability" if "record" in what else "the cycle-to-cycle repeatability"
-
-
-def short_effect_words(effect: Effect) -> str:
-    """Return an effect's short name, without its place."""
-    return effect.short_words.replace("coulomb", "Coulomb")
-
-
-def model_effect_words(effect: Effect, tried: Collection[Effect]) -> str:
-    """Return the name of an effect in the model, followed by "(tried)" if no diagnosis found it."""
-    return f"{effect.words} (tried)" if effect in tried else effect.words
 
 
 def or_dash(value: float, form: str) -> str:
@@ -99,7 +89,8 @@ def verdict_words(conclusion: Verdict, found: Sequence[Effect], *, short: bool =
         return said.brief
     if not short:
         return " + ".join(effect.words for effect in found)
-    return short_effect_words(found[0]) + (f" + {len(found) - 1}" if found[1:] else "")
+    first = found[0].short_words.replace("coulomb", "Coulomb")
+    return first + (f" + {len(found) - 1}" if found[1:] else "")
 
 
 def counted(count: int, what: str) -> str:

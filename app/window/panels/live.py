@@ -6,19 +6,18 @@ from functools import partial
 
 import numpy as np
 import pyqtgraph as pg
-from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QVBoxLayout, QWidget
 
 from analysis.reading import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
-from analysis.shot import Channel, Role
+from analysis.shot import Channel, Floats, Role
 from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.lines import MEASURED, LineStyle
 from app.window.plots.plain_plot import LogPlot
 from app.window.plots.time_plot import TimeStack
 from app.window.theme import Colours, Themed, sized
-from app.window.widgets import horizontal, push_button, scrolled, text_label, vertical
+from app.window.widgets import added, horizontal, push_button, scrolled, text_label, vertical
 from app.words import CHANNEL_NAMES, DASH, localised_number, localised_text, number, with_prefix
 from instrument.live import LiveView
 
@@ -67,15 +66,13 @@ class SiteFloorPanel(Themed, QWidget):
             self._names.append(label)
         row.addWidget(self.plot, 1)
         words = QVBoxLayout()
-        self.summary, self.lines, self.advice = said = [
-            text_label(text, self, selectable=True, wrap=True) for text in (NO_FLOOR, "", "")
+        self.summary, self.lines, self.advice = self._said = [
+            added(words, text_label("", self, selectable=True, wrap=True)) for _ in range(3)
         ]
-        for line in said:
-            words.addWidget(line)
         words.addWidget(CursorReadout(self.plot, self))
         words.addStretch(1)
         row.addLayout(words, 1)
-        self._show_levels(np.empty(0))
+        self._show(np.empty(0), NO_FLOOR)
 
     def apply_colours(self, colours: Colours) -> None:
         super().apply_colours(colours)
@@ -88,22 +85,18 @@ class SiteFloorPanel(Themed, QWidget):
             return
         self._shown = floor
         if floor is None:
-            self.summary.setText(NO_FLOOR)
-            self.lines.setText("")
-            self.advice.setText("")
-            self._curve.clear_samples()
-            self._show_levels(np.empty(0))
+            self._show(np.empty(0), NO_FLOOR)
             return
         level = UM_PER_S * np.maximum(floor.third_octave_m_per_s, 1e-12)
-        self._curve.show_points(CENTRES_HZ, level)
-        self._show_levels(level)
+        advice = "\n".join(f"{sentence}." for sentence in floor.advice)
+        self._show(level, floor_words(floor), "\n".join(line_words(floor)), advice)
         self.plot.columns = {"frequency (Hz)": CENTRES_HZ, "rms velocity (m/s)": floor.third_octave_m_per_s}
-        self.summary.setText(floor_words(floor))
-        self.lines.setText("\n".join(line_words(floor)))
-        self.advice.setText("\n".join(f"{sentence}." for sentence in floor.advice))
 
-    def _show_levels(self, level: NDArray[np.float64]) -> None:
-        """Set the plot's range to contain the criteria and these levels in µm/s, (k,)."""
+    def _show(self, level: Floats, summary: str, lines: str = "", advice: str = "") -> None:
+        """Show levels in µm/s, (k,) or none, in a range that contains the criteria too, and what is said of them."""
+        for label, words in zip(self._said, (summary, lines, advice), strict=True):
+            label.setText(words)
+        self._curve.show_points(CENTRES_HZ[: level.size], level)
         levels = [*level, *(UM_PER_S * CRITERIA_M_PER_S[name] for name in (CRITERIA[0], CRITERIA[-1]))]
         self.plot.show_range((float(CENTRES_HZ[0]), float(CENTRES_HZ[-1])), (min(levels) / 1.6, 1.6 * max(levels)))
 

@@ -8,12 +8,13 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWid
 from analysis.shot import Role, Setup
 from app.session import ChannelKind, ChannelSummary, proposed_roles
 from app.window.theme import Tone
-from app.window.widgets import Sheet, added, combo_box, line_edit, push_button, show_toned, text_label
+from app.window.widgets import Sheet, added, combo_box, fill_box, line_edit, push_button, show_toned, text_label
 from app.words import Markup, joined, lines, localised_number, number, tag, typed_number
 from instrument.files import (
     LENGTHS_M,
     MODELS,
     TABLE,
+    ForeignChannel,
     ForeignContents,
     ForeignMapping,
     MappedChannel,
@@ -36,8 +37,8 @@ ROLES = {  # role -> (label, tooltip)
     ),
 }
 NONE = "not in this file"
-UNITS = {unit: unit.replace("u", "µ") for unit in LENGTHS_M}
-MODEL_WORDS = dict(zip(MODELS, ("contact: one body, spring", "paper: block and plate"), strict=True))
+UNIT_ITEMS = [(unit.replace("u", "µ"), unit) for unit in LENGTHS_M]
+MODEL_ITEMS = tuple(zip(("contact: one body, spring", "paper: block and plate"), MODELS, strict=True))
 NUMBERS = {  # key -> (label, factor to SI units, tooltip, placeholder)
     "mass_kg": ("Moving mass (g)", 1e-3, "Block with corner cube and extension; force and impulse scale with it", ""),
     "rest_hz": (
@@ -61,6 +62,11 @@ def _look_words(look: ChannelSummary) -> Markup:
     return joined(tag("b", look.name), f": {', '.join(parts)}")
 
 
+def _channel_words(channel: ForeignChannel) -> str:
+    unit = f", {channel.unit}" if channel.unit else ""
+    return f"{channel.name}   ({channel.samples} samples, {channel.kind}{unit})"
+
+
 class MappingSheet(Sheet):
     """The form: roles of one file's channels, and numbers that the file does not contain."""
 
@@ -79,8 +85,7 @@ class MappingSheet(Sheet):
         self.displacement.currentIndexChanged.connect(self._chosen)
         self.unit = self._box(form, "Displacement in", "As the header states it; choose where it states none")
         self.model = self._box(form, "Base model", "Model of what the block hits")
-        for key, words in MODEL_WORDS.items():
-            self.model.addItem(words, key)
+        fill_box(self.model, MODEL_ITEMS)
         self.edits: dict[str, QLineEdit] = {}
         for key, (words, _, hover, shown) in NUMBERS.items():
             self.edits[key] = edit = line_edit(words, hover, self, shown)
@@ -110,12 +115,8 @@ class MappingSheet(Sheet):
         for widget in (*self.boxes.values(), self.edits["rest_hz"], self.edits["bits"], self.for_folder):
             widget.setDisabled(moved)
         unit = length_unit(self._contents.channel(name)) if moved and self._contents is not None else None
-        self.unit.clear()
-        if unit is None:
-            self.unit.addItem("choose" if moved else "", None)
-        for key, words in UNITS.items():
-            self.unit.addItem(words, key)
-        self.unit.setCurrentIndex(max(0, self.unit.findData(unit)) if unit is not None else 0)
+        unknown = [("choose" if moved else "", None)] if unit is None else []
+        fill_box(self.unit, [*unknown, *UNIT_ITEMS], unit)
 
     def ask(
         self, contents: ForeignContents, mass_kg: float, rest_hz: float | None, looks: Sequence[ChannelSummary] = ()
@@ -128,24 +129,15 @@ class MappingSheet(Sheet):
         self._looks.setText(lines(map(_look_words, looks)))
         self._looks.setVisible(bool(looks))
         proposal = proposed_roles(looks)
-        for place, (role, box) in enumerate(self.boxes.items()):
-            box.clear()
-            if role is not Role.MEASUREMENT:
-                box.addItem(NONE, None)
-            for channel in contents.channels:
-                unit = f", {channel.unit}" if channel.unit else ""
-                box.addItem(f"{channel.name}   ({channel.samples} samples, {channel.kind}{unit})", channel.name)
-            one_each = place < len(contents.channels) and not proposal
-            box.setCurrentIndex(place + (role is not Role.MEASUREMENT) if one_each else 0)
-            if role in proposal:
-                box.setCurrentIndex(box.findData(proposal[role]))
-        self.displacement.clear()
-        self.displacement.addItem(NONE, None)
+        items = [(_channel_words(channel), channel.name) for channel in contents.channels]
+        proposed = proposal or dict(zip(self.boxes, (name for _, name in items), strict=False))  # one each, in order
+        for role, box in self.boxes.items():
+            absent = [(NONE, None)] if role is not Role.MEASUREMENT else []
+            fill_box(box, [*absent, *items], proposed.get(role))
         columns = [channel for channel in contents.channels if contents.path.suffix.lower() == TABLE]
-        for channel in columns:
-            self.displacement.addItem(channel.name, channel.name)
         lengths = [channel.name for channel in columns if length_unit(channel)]
-        self.displacement.setCurrentIndex(self.displacement.findData(lengths[0]) if lengths and not proposal else 0)
+        names = [(channel.name, channel.name) for channel in columns]
+        fill_box(self.displacement, [(NONE, None), *names], lengths[0] if lengths and not proposal else None)
         self._chosen()
         self.edits["mass_kg"].setText(localised_number(f"{1e3 * mass_kg:.10g}"))
         self.edits["rest_hz"].setText("" if rest_hz is None else localised_number(f"{1e-6 * rest_hz:.10g}"))

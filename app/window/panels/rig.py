@@ -7,7 +7,7 @@ from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QVBoxLayout, QWidget
 
 from app.window.theme import MARKS, Colours, Themed, Tone, sized
-from app.window.widgets import added, combo_box, horizontal, push_button, set_tone, text_label
+from app.window.widgets import added, combo_box, fill_box, horizontal, push_button, set_tone, text_label
 from app.words import counted
 
 
@@ -40,14 +40,9 @@ class Controls(QWidget):
 
     def offer_sources(self, sources: list[tuple[str, str]], present: str) -> None:
         """List the sources, given as (name, displayed words); the present one is selected."""
-        self.source.clear()
-        for name, words in sources:
-            self.source.addItem(words, name)
-        place = self.source.findData(present)
-        if place < 0:
-            self.source.addItem(present, present)
-            place = self.source.count() - 1
-        self.source.setCurrentIndex(place)
+        items = [(words, name) for name, words in sources]
+        other = [(present, present)] if present not in dict(sources) else []
+        fill_box(self.source, [*items, *other], present)
 
     def show_state(self, can_arm: bool, can_abort: bool) -> None:
         """Enable the controls that can be used now."""

@@ -5,7 +5,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScr
 
 from app.window.file_dialog import PathKind, ask
 from app.window.theme import Tone
-from app.window.widgets import Sheet, added, horizontal, push_button, show_toned, text_label
+from app.window.widgets import Sheet, added, fill_box, horizontal, push_button, show_toned, text_label
 from app.words import localised_number, typed_number, typed_numbers
 from levimass import Setting, Value
 
@@ -63,8 +63,7 @@ class SettingsSheet(Sheet):
     def _editor(self, field: Setting, inner: QWidget) -> QWidget:
         if field.kind == "choice":
             box = QComboBox(inner)
-            for stored, words in field.choices:
-                box.addItem(words, stored)
+            fill_box(box, [(words, stored) for stored, words in field.choices])
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.setMinimumContentsLength(12)
             box.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)

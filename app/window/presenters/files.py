@@ -57,13 +57,11 @@ class FilesPresenter(QObject):
         return path.parent if named and path is not None else self._store.start_folder
 
     def open_named(self, path: Path) -> None:
-        problem = self._workbench.open_session(path)
-        self._opened(problem, "" if problem else str(path))
+        self._opened(self._workbench.open_session(path), str(path))
 
     def save_to(self, path: Path) -> None:
         """Save the session to this file from now on."""
-        problem = self._workbench.save_session(path)
-        self._opened(problem, "" if problem else str(path))
+        self._opened(self._workbench.save_session(path), str(path))
 
     def _opened(self, problem: str | None, name: str) -> None:
         if problem:

@@ -75,19 +75,20 @@ def text_label(
     faint: bool = False,
     heading: bool = False,
     bold: bool = False,
+    size: float = 1.0,
     selectable: bool = False,
     elide: Qt.TextElideMode = Qt.TextElideMode.ElideNone,
     least: str = "",
 ) -> TextLabel:
     """Return a label; ``faint`` and ``heading`` are styles of the style sheet, ``selectable`` text can be copied.
 
-    With ``elide`` it is an ElidedLabel, shortened at that end or in the middle.
+    ``size`` is relative to the parent's font.  With ``elide`` it is an ElidedLabel, shortened there.
     """
     label = TextLabel(parent) if elide is Qt.TextElideMode.ElideNone else ElidedLabel(parent, elide, least)
     label.setText(text)
     label.setWordWrap(wrap)
-    if bold:
-        label.setFont(sized(label.font(), 1.0, bold=True))
+    if bold or size != 1.0:
+        label.setFont(sized(label.font(), size, bold))
     for name, on in (("faint", faint), ("heading", heading)):
         if on:
             label.setProperty(name, True)
@@ -331,10 +332,8 @@ class Sheet(QFrame):
     def head(self, title: str, hover: str) -> tuple[QVBoxLayout, QPushButton]:
         """Add title and Close button; return the sheet's layout and the button."""
         column = vertical(self, (18, 14, 18, 14))
-        words = QLabel(title, self)
-        words.setFont(sized(self.font(), 1.5, bold=True))
         close = push_button("Close", hover, self, self.hide)
-        add_row(column, words, close)
+        add_row(column, text_label(title, self, bold=True, size=1.5), close)
         return column, close
 
     def place(self) -> None:

@@ -2,7 +2,7 @@
 
 from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QHBoxLayout, QProgressBar, QSplitter, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QProgressBar, QSplitter, QVBoxLayout, QWidget
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words
@@ -12,8 +12,18 @@ from app.window.panels.law import LawCurve
 from app.window.panels.next_steps import NextShotCard, NextSteps
 from app.window.panels.residuals import ResidualOverlay, Residuals
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.theme import Tone, sized
-from app.window.widgets import FoldButton, added, keep_place, push_button, scrolled, show_toned, text_label, vertical
+from app.window.theme import Tone
+from app.window.widgets import (
+    FoldButton,
+    add_row,
+    added,
+    keep_place,
+    push_button,
+    scrolled,
+    show_toned,
+    text_label,
+    vertical,
+)
 from app.words import OUTDATED, VERDICTS, cached_words, localised_text, short_name, tag
 from levimass import is_drive
 
@@ -53,11 +63,8 @@ class DiagnosisPanel(QWidget):
 
     def _add_head(self, column: QVBoxLayout) -> None:
         """Add verdict, progress bar, buttons, names of the diagnosed shots, and the summary sentence."""
-        top = QHBoxLayout()
-        self._verdict = added(top, text_label("", self))
-        self._verdict.setFont(sized(self.font(), 1.5, bold=True))
+        self._verdict = text_label("", self, bold=True, size=1.5)
         self._verdict.setMinimumWidth(self._verdict.fontMetrics().horizontalAdvance("✗ UNEXPLAINED  "))
-        top.addStretch(1)
         self.progress = QProgressBar(self)
         self.progress.setRange(0, 1000)
         self.progress.setAccessibleName("Progress of the diagnosis")
@@ -67,12 +74,9 @@ class DiagnosisPanel(QWidget):
         keep_place(self.cancel)
         hover = "Find out what the model lacks, from all selected shots together  (D)"
         self.diagnose = push_button("Diagnose", hover, self, primary=True)
-        for widget in (self.progress, self.cancel, self.diagnose):
-            top.addWidget(widget)
-        column.addLayout(top)
+        add_row(column, self._verdict, self.progress, self.cancel, self.diagnose)
         self._of = added(column, text_label("", self, faint=True, wrap=True))  # names of the shots
-        self.sentence = added(column, text_label("", self, selectable=True, wrap=True))
-        self.sentence.setFont(sized(self.font(), 1.2))
+        self.sentence = added(column, text_label("", self, selectable=True, wrap=True, size=1.2))
 
     def _add_evidence(self, column: QVBoxLayout) -> None:
         """Add the candidates and the residuals of all shots."""

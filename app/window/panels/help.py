@@ -12,7 +12,6 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPlainTextEdit, QScro
 
 from app.report import program_words
 from app.window.commands import COMMANDS, MOUSE, ON_PLOT
-from app.window.theme import sized
 from app.window.widgets import Sheet, add_row, added, push_button, text_label, vertical
 
 
@@ -22,8 +21,7 @@ class KeySheet(Sheet):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Keys", parent)
         column = vertical(self, (18, 14, 18, 14))
-        title = added(column, QLabel("Keys", self))
-        title.setFont(sized(self.font(), 1.6, bold=True))
+        column.addWidget(text_label("Keys", self, bold=True, size=1.6))
         self._scroll = QScrollArea(self)  # the list is higher than a small screen at 200 %
         self._scroll.setWidgetResizable(True)
         self._scroll.setFrameShape(QFrame.Shape.NoFrame)
@@ -155,11 +153,8 @@ class Tour(Sheet):
         self._ring.setObjectName("ring")
         self._ring.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         column = vertical(self, (16, 12, 16, 12))
-        self.title = QLabel(self)
-        self.title.setFont(sized(self.font(), 1.2, bold=True))
-        self._words = text_label("", self, wrap=True)
-        column.addWidget(self.title)
-        column.addWidget(self._words)
+        self.title = added(column, text_label("", self, bold=True, size=1.2))
+        self._words = added(column, text_label("", self, wrap=True))
         self._count = QLabel(self)
         hover = "Do not show it again  (Esc); F4 brings it back"
         skip = push_button("Skip the tour", hover, self, self.close)

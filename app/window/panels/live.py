@@ -16,7 +16,7 @@ from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.lines import MEASURED, LineStyle
 from app.window.plots.plain_plot import LogPlot
 from app.window.plots.time_plot import TimeStack
-from app.window.theme import Colours, Themed, sized
+from app.window.theme import Colours, Themed
 from app.window.widgets import added, horizontal, push_button, scrolled, text_label, vertical
 from app.words import CHANNEL_NAMES, DASH, localised_number, localised_text, number, with_prefix
 from instrument.live import LiveView
@@ -181,8 +181,7 @@ class LivePanel(QWidget):
         tile = QFrame(self)
         tile.setProperty("card", True)
         column = vertical(tile, (12, 2, 12, 2), 0)
-        value = text_label(DASH, tile, selectable=True)
-        value.setFont(sized(self.font(), 3.0, bold=True))
+        value = text_label(DASH, tile, selectable=True, bold=True, size=3.0)
         value.setMinimumWidth(value.fontMetrics().horizontalAdvance(widest + "0"))
         value.setAlignment(Qt.AlignmentFlag.AlignRight)
         value.setAccessibleName(f"{title} in {unit}")

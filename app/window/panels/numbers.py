@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QScrollArea, QWidg
 from analysis.shot import Quantity, Reading, Shot, concerning
 from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
 from app.window.state_words import flag_line, flag_tone
-from app.window.theme import MARKS, Colours, Themed, Tone, sized
+from app.window.theme import MARKS, Colours, Themed, Tone
 from app.window.widgets import FoldButton, add_row, push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
     COMBINED,
@@ -69,8 +69,8 @@ class NumbersPanel(Themed, QScrollArea):
         inner = QWidget(self)
         column = vertical(inner, (10, 4, 8, 4))
         # elided in the middle, because names of shots differ at their end
-        self.title = text_label("No shot", inner, selectable=True, elide=Qt.TextElideMode.ElideMiddle)
-        self.title.setFont(sized(self.font(), 1.25, bold=True))
+        middle = Qt.TextElideMode.ElideMiddle
+        self.title = text_label("No shot", inner, selectable=True, bold=True, size=1.25, elide=middle)
         self.budget = push_button("Budget", "Where each ± comes from, source by source  (B)", inner)
         add_row(column, self.title, self.budget)
         self.noise_only = QCheckBox("± from noise only", inner)
@@ -124,9 +124,8 @@ class NumbersPanel(Themed, QScrollArea):
     def _add_row(self, grid: QGridLayout, row: ResultNumber, inner: QWidget) -> list[QWidget]:
         name = QLabel(row.name, inner)
         name.setProperty("quantity", True)
-        value = text_label("–", inner, selectable=True)
+        value = text_label("–", inner, selectable=True, bold=True, size=1.4 if row.headline else 1.06)
         unit = text_label(row.shown_unit, inner, faint=True)
-        value.setFont(sized(self.font(), 1.4 if row.headline else 1.06, bold=True))
         name.setMinimumWidth(name.fontMetrics().horizontalAdvance("kinetic, flights") + 16)  # 16: room for a mark
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         widest = "0.98755567(44)" if row.headline else "-0.987555673(44)"

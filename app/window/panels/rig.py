@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QResizeEvent
-from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QWidget
 
 from app.window.theme import MARKS, Colours, Themed, Tone, sized
 from app.window.widgets import added, combo_box, fill_box, horizontal, push_button, set_tone, text_label
@@ -78,24 +78,15 @@ class Banner(Themed, QFrame):
         self._flashing.timeout.connect(self._flashed)
         self.setObjectName("banner")
         row = horizontal(self, (8, 4, 12, 4), 8)
-        self._sign = QLabel(self)
-        self.word = QLabel(self)
-        self.detail = text_label("", self, selectable=True, wrap=True)
-        self._clock = QLabel(self)
-        self._sign.setFont(sized(self.font(), 2.3, bold=True))
-        self.word.setFont(sized(self.font(), 2.3, bold=True))
-        self._clock.setFont(sized(self.font(), 1.6, bold=True))
-        self.detail.setFont(sized(self.font(), 1.15))
+        self._sign = added(row, text_label("", self, bold=True, size=2.3))
+        self.word = added(row, text_label("", self, bold=True, size=2.3))
+        self.detail = added(row, text_label("", self, selectable=True, wrap=True, size=FACTORS[0]), 1)
+        self._clock = text_label("", self, bold=True, size=1.6)
         self._sign.setFixedWidth(self._sign.fontMetrics().horizontalAdvance("◉◉"))
         self._sign.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.word.setMinimumWidth(self.word.fontMetrics().horizontalAdvance("ANALYSING"))
         self._clock.setFixedWidth(self._clock.fontMetrics().horizontalAdvance("00:00 "))
         self._clock.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        column = QVBoxLayout()
-        column.setSpacing(0)
-        row.addWidget(self._sign)
-        row.addWidget(self.word)
-        row.addWidget(self.detail, 1)
         hover = "Save the shots that are only in memory to another folder  (Ctrl+S)"
         self.save_elsewhere = added(row, push_button("Save elsewhere …", hover, self))
         self.save_elsewhere.setMinimumHeight(int(2.2 * self.fontMetrics().height()))

@@ -6,7 +6,7 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 
-from app.window.theme import MARKS, Tone, sized
+from app.window.theme import MARKS, Tone
 from app.window.widgets import (
     Sheet,
     add_row,
@@ -86,8 +86,7 @@ class SetupSheet(Sheet):
             column.addWidget(line)
         column.addSpacing(10)
         column.addWidget(text_label("3   ARM", self, heading=True))
-        self.verdict = added(column, text_label("", self, wrap=True))
-        self.verdict.setFont(sized(self.font(), 1.15, bold=True))
+        self.verdict = added(column, text_label("", self, wrap=True, bold=True, size=1.15))
         hover = "Close the set-up and wait for the light switch  (space)"
         self.arm = added(column, push_button("ARM", hover, self, primary=True))
 

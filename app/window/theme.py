@@ -1,6 +1,6 @@
 """Colour schemes (dark and light), palette, style sheet and fonts of the window."""
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from string import Template
 
@@ -24,7 +24,6 @@ class Tone(StrEnum):
 class Colours:
     """A colour scheme; text on ``panel`` and on every tone has a contrast of at least 4.5 to 1."""
 
-    dark: bool
     window: str
     panel: str
     plot: str
@@ -48,7 +47,6 @@ class Colours:
 
 
 LIGHT = Colours(
-    dark=False,
     window="#eef0f3",
     panel="#ffffff",
     plot="#ffffff",
@@ -86,7 +84,6 @@ LIGHT = Colours(
 )
 
 DARK = Colours(
-    dark=True,
     window="#14181d",
     panel="#1d232a",
     plot="#101418",
@@ -177,10 +174,9 @@ def palette(colours: Colours) -> QPalette:
 
 def style_sheet(colours: Colours) -> str:
     """Return the style sheet of a colour scheme, with what a palette cannot express."""
-    plain = {field.name: getattr(colours, field.name) for field in fields(colours)}
     neutral, neutral_text = colours.tones[Tone.NEUTRAL]
     tones = "".join(f'QLabel[tone="{tone}"] {{ color: {colour}; }}\n' for tone, colour in colours.signs.items())
-    return _STYLE.substitute(plain, neutral=neutral, neutral_text=neutral_text) + tones
+    return _STYLE.substitute(asdict(colours), neutral=neutral, neutral_text=neutral_text) + tones
 
 
 _STYLE = Template("""
@@ -264,7 +260,7 @@ class Theme(QObject):
 
     changed = Signal()
 
-    def __init__(self, choice: str = "system") -> None:
+    def __init__(self, choice: str) -> None:
         super().__init__()
         self._choice = choice
         self.colours = LIGHT

@@ -183,11 +183,10 @@ class MainWindow(QMainWindow):
 
     def _unsaved_items(self, snapshot: Snapshot) -> dict[str, str]:
         """Return what closing now would lose: a sentence for each item's key."""
-        found = {}
-        for name in snapshot.unsaved:
-            found[name] = (
-                f"{_shots(len(snapshot.unsaved))} only in memory and will be lost: save to another folder (Ctrl+S)"
-            )
+        count = len(snapshot.unsaved)
+        shots = "1 shot is" if count == 1 else f"{count} shots are"
+        words = f"{shots} only in memory and will be lost: save to another folder (Ctrl+S)"
+        found = dict.fromkeys(snapshot.unsaved, words)
         if snapshot.state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
             found["rig"] = "The rig is armed" if snapshot.state is State.ARMED else "A shot is being recorded"
         if self.workbench.session.unsaved:
@@ -246,10 +245,6 @@ class MainWindow(QMainWindow):
         self.workbench.close()
         self.rig.close()
         event.accept()
-
-
-def _shots(count: int) -> str:
-    return "1 shot is" if count == 1 else f"{count} shots are"
 
 
 def open_window(

@@ -166,6 +166,7 @@ class LivePanel(QWidget):
         self.raw.label_time("time (ms), the newest samples")
         self.raw.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Ignored)  # the digits come first
         grid.addWidget(self.raw, 4, 1)
+        self.plots = (self.stack, self.raw)
         for line, plot in enumerate(self.plots, 5):
             grid.addWidget(readout := CursorReadout(plot, self), line, 0, 1, 2)
             self._readouts.append(readout)
@@ -189,11 +190,6 @@ class LivePanel(QWidget):
         column.addWidget(value)
         self.numbers[name] = value
         return tile
-
-    @property
-    def plots(self) -> tuple[TimeStack, TimeStack]:
-        """Get the running plots and the plots of the raw signals."""
-        return self.stack, self.raw
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         """Show the raw signals if there is room."""

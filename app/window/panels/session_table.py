@@ -57,7 +57,7 @@ class SessionTable(QFrame):
         bar.addStretch(1)
         self._can_undo = False
         self._numbers: list[int] = []
-        self._hidden: list[int] = []  # selected shots hidden by the filter
+        self.hidden: list[int] = []  # selected shots hidden by the filter
         self.buttons = {name: push_button(words, hover, self) for name, (words, hover) in BUTTONS.items()}
         for button in self.buttons.values():
             bar.addWidget(button)
@@ -169,18 +169,13 @@ class SessionTable(QFrame):
         """Store a selection that the filter hides, and restore it once its shots are visible again."""
         now, there = self._selected_numbers(), {entry.number for entry in self.model.entries}
         if before and not now:
-            self._hidden = [number for number in before if number in there]
+            self.hidden = [number for number in before if number in there]
         elif now:
-            self._hidden = []
-        seen = [number for number in self._hidden if number in self.shown]
+            self.hidden = []
+        seen = [number for number in self.hidden if number in self.shown]
         if seen and not now:
-            self._hidden = []
+            self.hidden = []
             self.select(seen)
-
-    @property
-    def hidden(self) -> list[int]:
-        """Get the numbers of the selected shots hidden by the filter."""
-        return list(self._hidden)
 
     @Slot()
     def choose_columns(self) -> None:

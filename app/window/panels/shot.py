@@ -15,7 +15,6 @@ from app.window.plots.cursors import CursorReadout
 from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, LineStyle
 from app.window.plots.plot_view import PlotView
-from app.window.plots.time_plot import TimeStack
 from app.window.widgets import FlowLayout, keep_place, push_button, text_label, vertical
 from app.words import lines, tag
 from levimass import is_drive
@@ -75,11 +74,6 @@ class ShotPanel(QWidget):
             plot.cursors.moved.connect(self._cursors_moved)
         self._judged_by: Diagnosis | None = None
         self.show_shot(None)
-
-    @property
-    def stacks(self) -> tuple[TimeStack, ...]:
-        """Get the stacks of linked plots."""
-        return self.stack, self.gap.stack, self.raw.stack
 
     def plot_in_front(self) -> PlotView | None:
         """Return the visible plot, or None."""
@@ -154,10 +148,13 @@ class ShotPanel(QWidget):
         self._name_views()
         self.raw.show_recording(recording, 0.0 if shot is None else time_zero(shot)[0])
         if shot is None or shot.motion is None:
-            self._empty.setText((words or NO_SHOT) if shot is None else _why_not(shot))
+            if shot is not None:
+                why = f"{shot.name} could not be analysed.\n\n{shot.problem or ''}"
+                words = f"{why}\n\nIts samples are there: Raw signals (5)."
+            self._empty.setText(words or NO_SHOT)
             self._undrawn = set()
         else:
-            for stack in self.stacks:
+            for stack in (self.stack, self.gap.stack, self.raw.stack):
                 stack.label_time(time_zero(shot)[1])
             self._undrawn = {"drive"} if self._driven else {"motion", "deflection", "gap"}
         self.drive.show_curves(None)
@@ -196,7 +193,7 @@ class ShotPanel(QWidget):
         low = is_low(self)
         shown = self._pages.currentWidget() is not self._empty
         self._legend.setVisible(shown and (not low or self._reading))
-        self.drive.say.setVisible(shown and self._driven and (not low or self.drive.empty))
+        self.drive.say.setVisible(shown and self._driven and (not low or self.drive.curves is None))
         entries = [words for words, _ in self._legend.entries]
         said = tag("span", lines([*entries, self.drive.say.text()] if self._driven else entries))
         for plot in self.plots:
@@ -211,9 +208,12 @@ class ShotPanel(QWidget):
             return
         self._undrawn.discard(what)
         if what == "drive":
-            self.drive.say.setText("modelling the force …" if self._shot.fit is not None else _no_force(self._shot))
             if self._shot.fit is not None:
+                self.drive.say.setText("modelling the force …")
                 self.drive_wanted.emit(self._shot)
+            else:
+                why = self._shot.fit_problem or self._shot.problem or "no model was fitted"
+                self.drive.say.setText(f"the force was not modelled: {why}")
             return
         if what == "motion":
             self.motion.show_shot(self._shot, self._judged_by)
@@ -261,11 +261,3 @@ class ShotPanel(QWidget):
     def _cursors_moved(self) -> None:
         plot = self.plot_in_front()
         self._cursor_button.setChecked(plot is not None and plot.cursors.shown)
-
-
-def _no_force(shot: Shot) -> str:
-    return f"the force was not modelled: {shot.fit_problem or shot.problem or 'no model was fitted'}"
-
-
-def _why_not(shot: Shot) -> str:
-    return f"{shot.name} could not be analysed.\n\n{shot.problem or ''}\n\nIts samples are there: Raw signals (5)."

@@ -24,7 +24,7 @@ class DriveView:
     """Three pages, against time, speed and position, by the names of the SHOT page's views."""
 
     def __init__(self, parent: QWidget) -> None:
-        self._curves: DriveCurves | None = None
+        self.curves: DriveCurves | None = None  # None: nothing is drawn
         self.stack = TimeStack("Velocity, force and residual of a drive over time", parent, SECONDS)
         velocity = self.stack.add_plot("velocity", "m/s", 3)
         force = self.stack.add_plot("force", "N", 4)
@@ -40,16 +40,8 @@ class DriveView:
         self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, parent)
         self.place = ForceAgainst("position", "position along the guide (mm)", DISTANCE, parent)
         self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
+        self.plots: tuple[PlotView, ...] = (self.stack, *self.speed.plots, *self.place.plots)
         self.say = text_label("", parent, faint=True, selectable=True, wrap=True)
-
-    @property
-    def empty(self) -> bool:
-        """Get whether nothing is drawn."""
-        return self._curves is None
-
-    @property
-    def plots(self) -> tuple[PlotView, ...]:
-        return self.stack, *self.speed.plots, *self.place.plots
 
     def plot_in_front(self, view: str) -> PlotView:
         """Return the focused plot of a view, else its first plot."""
@@ -58,8 +50,8 @@ class DriveView:
 
     def legend(self) -> list[tuple[str, LineStyle]]:
         below = "band"
-        if self._curves is not None:
-            below = f"±2 × {repeatability_words(self._curves.repeatability.repeats, self._curves.repeatability.what)}"
+        if self.curves is not None:
+            below = f"±2 × {repeatability_words(self.curves.repeatability.repeats, self.curves.repeatability.what)}"
         return [
             ("measured", MEASURED),
             ("modelled (fitted to this record)", SIMULATED),
@@ -68,10 +60,10 @@ class DriveView:
         ]
 
     def show_curves(self, curves: DriveCurves | None) -> None:
-        self._curves = curves
+        self.curves = curves
         if curves is None:
             for curve in (self._velocity, self._measured, self._modelled, self._residual):
-                curve.show_points(NOTHING, NOTHING)
+                curve.clear_samples()
             self._band.show_band(0.0, 1.0, NOTHING)
             for page in (self.speed, self.place):
                 page.show_force(NOTHING, NOTHING, NOTHING, 0.0)
@@ -106,6 +98,7 @@ class ForceAgainst(QSplitter):
         self._note_axes = NoteAxes(f"force vs {what}", 0.0, 1.0 / axis.scale)
         self._force = PlainPlot(f"Force against {what}", ("force", "N"), bottom, axis, self)
         self._residual_plot = PlainPlot(f"Residual of force against {what}", ("residual", "N"), bottom, axis, self)
+        self.plots = (self._force, self._residual_plot)
         self._modelled = self._force.add_curve("modelled", SIMULATED)
         self._measured = self._force.add_curve("measured", MEASURED)
         self._band = self._residual_plot.plot.add_band()
@@ -114,10 +107,6 @@ class ForceAgainst(QSplitter):
         self._force.plot.hide_bottom_values()
         self.setSizes([300, 200])
         self.setChildrenCollapsible(False)
-
-    @property
-    def plots(self) -> tuple[PlainPlot, PlainPlot]:
-        return self._force, self._residual_plot
 
     def show_force(self, x: Floats, measured_n: Floats, modelled_n: Floats, half_n: float) -> None:
         """Show forces (n,) at x (n,), with NaN between separate curves, and a band of half width ``half_n``."""

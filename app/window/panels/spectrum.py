@@ -38,6 +38,7 @@ class SpectrumPanel(QWidget):
         self._image = PlainPlot(
             "Spectrogram of PD1", ("frequency of PD1", "MHz"), "time from first touch (ms)", TIME, split, False
         )
+        self.plots = (self._spectrum, self._image)
         self._curves = {role: self._spectrum.add_curve(CHANNEL_NAMES[role], LOOKS[role]) for role in BEATS}
         self._spectrum.legend = LEGEND
         self.picture = pg.ImageItem()
@@ -75,7 +76,3 @@ class SpectrumPanel(QWidget):
             self.picture.setImage(spectra.image_db, levels=spectra.image_levels_db)
             self.picture.setRect(QRectF(left, low, right - left, high - low))
             self._image.show_range((left, right), (low, high))
-
-    @property
-    def plots(self) -> tuple[PlainPlot, PlainPlot]:
-        return self._spectrum, self._image

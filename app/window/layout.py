@@ -144,7 +144,6 @@ class Layout(QWidget):
         return page.plot_in_front() if isinstance(page, ShotPanel | DiagnosisPanel) else None
 
     def place_sheets(self) -> None:
-        """Position the open sheets after the window was resized."""
         for sheet in self.findChildren(Sheet):
             if sheet.isVisible():
                 sheet.place()

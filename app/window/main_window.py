@@ -203,7 +203,6 @@ class MainWindow(QMainWindow):
         self.workbench.unsaved.save(self.rig.save_pending, folder)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Click the focused button on Enter."""
         if not commands.pressed_by_enter(self.focusWidget(), event):
             super().keyPressEvent(event)
 

@@ -175,14 +175,12 @@ Margins = tuple[int, int, int, int]  # left, top, right, bottom
 
 
 def vertical(parent: QWidget, margins: Margins = (0, 0, 0, 0), spacing: int | None = None) -> QVBoxLayout:
-    """Return a vertical layout."""
     layout = QVBoxLayout(parent)
     _space(layout, margins, spacing)
     return layout
 
 
 def horizontal(parent: QWidget, margins: Margins = (0, 0, 0, 0), spacing: int | None = None) -> QHBoxLayout:
-    """Return a horizontal layout."""
     layout = QHBoxLayout(parent)
     _space(layout, margins, spacing)
     return layout

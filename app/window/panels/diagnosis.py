@@ -142,7 +142,6 @@ class DiagnosisPanel(QWidget):
             self._name_shots()
 
     def show_problem(self, problem: str) -> None:
-        """Show why there is no diagnosis."""
         show_toned(self._verdict, "NO DIAGNOSIS", Tone.BAD)
         self.sentence.setText(problem)
 

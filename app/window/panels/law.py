@@ -196,7 +196,6 @@ class LawSheet(Sheet):
         return line_edit(name, shown or name, self, shown)
 
     def fill(self, table: dict[str, Any]) -> None:
-        """Fill the form with an existing law."""
         self.name.setText(table["name"])
         self.words.setText(table.get("words", ""))
         self.where.setCurrentIndex(self.where.findData(table["where"]))
@@ -259,7 +258,6 @@ class LawSheet(Sheet):
         self.wanted.emit(self.table())
 
     def say(self, words: str, tone: Tone) -> None:
-        """Show a message below the fields."""
         show_toned(self.said, words, tone)
 
     def open(self) -> None:

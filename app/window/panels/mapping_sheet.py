@@ -146,7 +146,6 @@ class MappingSheet(Sheet):
         self.open_at(self.unit if lengths and not proposal else self.boxes[Role.MEASUREMENT])
 
     def refuse(self, problem: str) -> None:
-        """Show why the assignment is refused."""
         show_toned(self.problem, problem, Tone.BAD)
 
     @Slot()

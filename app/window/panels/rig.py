@@ -45,7 +45,6 @@ class Controls(QWidget):
         fill_box(self.source, [*items, *other], present)
 
     def show_state(self, can_arm: bool, can_abort: bool) -> None:
-        """Enable the controls that can be used now."""
         for widget, can in ((self.arm, can_arm), (self.abort, can_abort), (self.source, can_arm)):
             widget.setEnabled(can)
 

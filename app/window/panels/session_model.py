@@ -153,7 +153,6 @@ def columns() -> list[Column]:
 
 
 def place_of(head: str) -> int:
-    """Return the index of the column with this heading."""
     return [column.head for column in columns()].index(head)
 
 
@@ -324,7 +323,6 @@ class SessionModel(QAbstractTableModel):
         return self._text(entry, column)
 
     def setData(self, index: QModelIndex, value: Any, role: int = Qt.ItemDataRole.EditRole) -> bool:
-        """Emit ``note_edited`` if the note has changed."""
         if role != Qt.ItemDataRole.EditRole or index.column() != NOTE:
             return False
         entry = self.entry_at(index.row())

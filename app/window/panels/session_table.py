@@ -242,13 +242,11 @@ class SessionTable(QFrame):
 
     @Slot()
     def filter_shots(self) -> None:
-        """Move the focus to the filter field."""
         self.filter.setFocus()
         self.filter.selectAll()
 
     @Slot()
     def edit_note(self) -> None:
-        """Edit the note of the last selected shot."""
         rows = self.table.selectionModel().selectedRows()
         if rows:
             self.table.edit(self.model.index(rows[-1].row(), NOTE))

@@ -34,7 +34,6 @@ class SettingsSheet(Sheet):
         self._apply = added(column, push_button("Apply", hover, self, self.apply, primary=True))
 
     def offer(self, fields: tuple[Setting, ...]) -> None:
-        """Build the form for these settings."""
         self._fields = fields
         self._editors = {}
         inner = QWidget(self)
@@ -122,11 +121,9 @@ class SettingsSheet(Sheet):
         self.applied.emit(values)
 
     def refuse(self, problem: str) -> None:
-        """Show why the settings were refused."""
         show_toned(self.problem, problem, Tone.BAD)
 
     def open(self) -> None:
-        """Show the sheet with the focus in its first field."""
         self.open_at(next(iter(self._editors.values()), None))
 
 

@@ -74,7 +74,6 @@ class TreeTable(QTreeWidget):
         self.fit_columns()
 
     def fit_columns(self) -> None:
-        """Fit all columns but the first to their widest text."""
         for column in range(1, self.columnCount()):
             self.resizeColumnToContents(column)
         self._fit_first()

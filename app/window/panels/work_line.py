@@ -59,7 +59,6 @@ class NoticeLine(QFrame):
 
     @property
     def words(self) -> str:
-        """Get the newest message, or ""."""
         return self._notices[-1].words if self._notices else ""
 
     def say(self, words: str, tone: Tone) -> None:
@@ -103,7 +102,6 @@ class NoticeLine(QFrame):
 
     @Slot()
     def next(self) -> None:
-        """Dismiss the newest message."""
         if self._notices:
             notice = self._notices.pop()
             if notice.declined is not None:

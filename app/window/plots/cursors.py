@@ -54,7 +54,6 @@ class IntervalStatistics:
 
     @property
     def difference(self) -> float:
-        """Get the value at B minus the value at A."""
         return self.at_b - self.at_a
 
 
@@ -199,7 +198,6 @@ class CursorReadout(QFrame):
 
     @Slot()
     def refresh(self) -> None:
-        """Update the table."""
         shown = self._cursors.shown and not self._plot.isHidden()
         self.setVisible(shown)
         if not shown or not self._plot.isVisible():
@@ -229,5 +227,4 @@ class CursorReadout(QFrame):
 
 
 def _right(text: str) -> Markup:
-    """Return a right-aligned cell."""
     return tag("td", text, align="right", style="padding: 0 9px")

@@ -112,7 +112,6 @@ class FramedPlot(pg.GraphicsWidget):
         self.name_value(title, unit)
 
     def name_value(self, title: str, unit: str) -> None:
-        """Set name and unit of the value."""
         self.title, self.unit = title, unit
         words = f"{title} ({unit})" if unit else title
         self.caption.say(words)
@@ -129,7 +128,6 @@ class FramedPlot(pg.GraphicsWidget):
                 item.apply_colours(colours)
 
     def addItem(self, item: Any, ignoreBounds: bool = False) -> None:
-        """Add an item in the plot's units."""
         self.view.addItem(item, ignoreBounds)
         if isinstance(item, CrispCurve | Band):
             item.apply_colours(self.colours)

@@ -91,7 +91,6 @@ class Legend(Themed, QWidget):
         self.entries: list[tuple[str, LineStyle]] = []
 
     def show_entries(self, entries: Sequence[tuple[str, LineStyle]]) -> None:
-        """Show these entries, each with its name."""
         if list(entries) == self.entries:
             return
         self.entries = list(entries)

@@ -75,7 +75,6 @@ class PlotNotes(QObject):
             self._draw()
 
     def apply_colours(self) -> None:
-        """Apply the view's colours."""
         for drawn in self._drawn:
             drawn.apply_colours(self._view.colours)
 
@@ -247,7 +246,6 @@ class NoteEditor(QLineEdit):
         return super().event(event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        """Emit ``left`` on Esc."""
         if event.key() == Qt.Key.Key_Escape:
             event.accept()
             self.left.emit()
@@ -255,7 +253,6 @@ class NoteEditor(QLineEdit):
         super().keyPressEvent(event)
 
     def end(self) -> None:
-        """Close the editor and discard its text."""
         self.blockSignals(True)  # hiding moves the focus, which would otherwise accept the text
         self.hide()
         self.deleteLater()

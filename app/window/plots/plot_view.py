@@ -54,7 +54,6 @@ class PlotView(Themed, pg.GraphicsLayoutWidget):
 
     @property
     def span(self) -> Span:
-        """Get the range of x in view."""
         (left, right), _ = self.plots[0].view.viewRange()
         return float(left), float(right)
 
@@ -63,7 +62,6 @@ class PlotView(Themed, pg.GraphicsLayoutWidget):
         self.plots[0].view.setXRange(left, right, padding=0)
 
     def reset(self) -> None:
-        """Show the whole range again."""
         raise NotImplementedError
 
     def set_shots(self, shots: Sequence[object], words: str) -> None:
@@ -87,7 +85,6 @@ class PlotView(Themed, pg.GraphicsLayoutWidget):
 
     @property
     def states(self) -> tuple[ViewState, ...]:
-        """Get the ranges in view of each plot."""
         return tuple(plot.state for plot in self.plots)
 
     @Slot()
@@ -169,7 +166,6 @@ class PlotView(Themed, pg.GraphicsLayoutWidget):
         event.accept()
 
     def mouseDoubleClickEvent(self, event: QMouseEvent) -> None:
-        """Edit the double-clicked note."""
         note = self.notes.note_at(self.mapToScene(event.position().toPoint()))
         if note is None or event.button() != Qt.MouseButton.LeftButton:
             super().mouseDoubleClickEvent(event)

@@ -57,7 +57,6 @@ class ResidualGrid(Themed, QWidget):
         self.update()
 
     def show_cells(self, cells: Sequence[Cell]) -> None:
-        """Show these shots on a common scale."""
         self.cells, self.overlays = tuple(cells[:MOST]), ()
         curves = [c for cell in self.cells for c in (cell.before_m, cell.after_m) if c is not None]
         noises = [noise for cell in self.cells if math.isfinite(noise := float(np.nanmedian(cell.noise_m)))]

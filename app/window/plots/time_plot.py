@@ -42,7 +42,6 @@ class TimePlot(FramedPlot):
             mark.setPen(straight(colours.marker, Qt.PenStyle.DotLine))
 
     def add_curve(self, label: str, look: LineStyle) -> SampledCurve:
-        """Add an empty curve."""
         return self.added(SampledCurve(label, look))
 
     def add_points(self, label: str, look: LineStyle) -> PointCurve:

@@ -42,13 +42,11 @@ class FilesPresenter(QObject):
 
     @Slot()
     def save_session(self) -> None:
-        """Ask for a file and save the session to it from now on."""
         start = self._folder() / "session.json"
         ask(self._panels, "Save the session as", PathKind.NEW_FILE, self.save_to, start, SESSIONS)
 
     @Slot()
     def usual_session(self) -> None:
-        """Open the unnamed session."""
         self._opened(self._workbench.open_unnamed_session(), "")
 
     def _folder(self) -> Path:
@@ -60,7 +58,6 @@ class FilesPresenter(QObject):
         self._opened(self._workbench.open_session(path), str(path))
 
     def save_to(self, path: Path) -> None:
-        """Save the session to this file from now on."""
         self._opened(self._workbench.save_session(path), str(path))
 
     def _opened(self, problem: str | None, name: str) -> None:
@@ -152,7 +149,6 @@ class ModelPresenter(QObject):
 
     @Slot()
     def load_model(self) -> None:
-        """Ask for a model file and use it."""
         self._dialogs.ask("Open a model", PathKind.FILE, self._workbench.model.load, kinds=MODELS)
 
     @Slot()

@@ -111,7 +111,6 @@ class RigPresenter(QObject):
 
     @Slot()
     def arm(self) -> None:
-        """Arm and show LIVE."""
         if self._panels.controls.arm.isEnabled():
             self._panels.live.hold.setChecked(False)  # resume frozen curves, to show this shot
             self._rig.arm()

@@ -155,7 +155,6 @@ class SessionPresenter(QObject):
         ask(self._panels, "Open recordings", PathKind.FILES, self.open_paths, self._dialogs.folder, OPENED)
 
     def open_paths(self, paths: list[Path]) -> None:
-        """Open recordings and folders of recordings."""
         if paths:
             self._dialogs.chosen = paths[0].parent
             self._store.remember_recent(paths)
@@ -170,7 +169,6 @@ class SessionPresenter(QObject):
 
     @Slot()
     def open_folder(self) -> None:
-        """Ask for a folder and open every recording in it."""
         self._dialogs.ask("Open a folder of recordings", PathKind.FOLDER, lambda folder: self.open_paths([folder]))
 
     @Slot()
@@ -240,14 +238,12 @@ class SessionPresenter(QObject):
 
     @Slot()
     def undo(self) -> None:
-        """Undo the last note, removal or change of the model."""
         what = self._workbench.undo()
         self._show_table()
         self.said.emit(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
 
     @Slot()
     def redo(self) -> None:
-        """Redo the last undone change."""
         what = self._workbench.redo()
         self._show_table()
         self.said.emit(f"Redone: {what}" if what else "Nothing to redo", Tone.NEUTRAL)

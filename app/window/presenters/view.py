@@ -44,7 +44,6 @@ class ViewPresenter(QObject):
         attrgetter(name)(self._panels).toggle()
 
     def show_page(self, name: str) -> None:
-        """Show one of ``Layout.PAGES``."""
         self._panels.tabs.setCurrentIndex(Layout.PAGES.index(name))
 
     def show_view(self, name: str) -> None:
@@ -162,7 +161,6 @@ class HelpPresenter(QObject):
             self.start()
 
     def start(self) -> None:
-        """Start the tour from its first callout."""
         p = self._panels
         self.tour.begin(
             (

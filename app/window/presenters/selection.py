@@ -101,11 +101,12 @@ class SelectionPresenter(QObject):
         if now is None or before is None or now[0] != before[0] or now[1] is not before[1] or now[2] is not before[2]:
             self._shown = now
             self._undrawn.add(Layout.SHOT)
-            p.name_shot(entry.number if entry is not None else None)
-            p.numbers.show_shot(
-                shot, _title(entry) if entry is not None else "", entry.version if entry is not None else ""
+            number, title, version = (
+                (entry.number, _title(entry), entry.version) if entry is not None else (None, "", "")
             )
-            p.large.show_shot(shot, _title(entry) if entry is not None else "")
+            p.name_shot(number)
+            p.numbers.show_shot(shot, title, version)
+            p.large.show_shot(shot, title)
             p.model.show_shot(shot, self._workbench.session.effects.tried)
         self.show_verdict()
         self._undrawn.add(Layout.COMPARE)
@@ -122,9 +123,8 @@ class SelectionPresenter(QObject):
                 if entry is None:
                     self._panels.shot.show_shot(None, words=self._why_none())
                 else:
-                    self._panels.shot.show_shot(
-                        entry.shot, self._recording(entry), _title(entry), self._judged_by(entry)
-                    )
+                    recording, judged_by = self._recording(entry), self._judged_by(entry)
+                    self._panels.shot.show_shot(entry.shot, recording, _title(entry), judged_by)
             else:
                 self._panels.compare.show_entries(self._workbench.session.entries_with(self._panels.table.numbers))
         if page != Layout.SPECTRUM:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from app.window.plots.pyramid import Pyramid
+from app.window.plots.curve import Pyramid
 
 
 @settings(max_examples=60, deadline=None)

@@ -6,9 +6,9 @@ import numpy as np
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot import Recording, Role
+from app.window.plots.curve import Pyramid
 from app.window.plots.lines import MEASURED
 from app.window.plots.plot_notes import NoteAxes
-from app.window.plots.pyramid import Pyramid
 from app.window.plots.time_plot import TimeStack
 from app.words import CHANNEL_NAMES, number
 

@@ -13,7 +13,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from analysis.shot import Floats
-from app.window.plots.pyramid import Pyramid
+from app.window.plots.curve import Pyramid
 from app.window.theme import Colours, Themed, Tone
 from app.words import number, prefix_for
 

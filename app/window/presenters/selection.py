@@ -101,10 +101,8 @@ class SelectionPresenter(QObject):
         if now is None or before is None or now[0] != before[0] or now[1] is not before[1] or now[2] is not before[2]:
             self._shown = now
             self._undrawn.add(Layout.SHOT)
-            number, title, version = (
-                (entry.number, _title(entry), entry.version) if entry is not None else (None, "", "")
-            )
-            p.name_shot(number)
+            title, version = (_title(entry), entry.version) if entry is not None else ("", "")
+            p.name_shot(entry.number if entry is not None else None)
             p.numbers.show_shot(shot, title, version)
             p.large.show_shot(shot, title)
             p.model.show_shot(shot, self._workbench.session.effects.tried)

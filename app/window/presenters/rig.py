@@ -68,21 +68,18 @@ class RigPresenter(QObject):
         if on_live and snapshot.live is not self._live_shown:
             self._live_shown = snapshot.live
             p.live.show_live(snapshot.live)
-            p.live.show_raw(snapshot.live, self._rig.channels, self._thresholds_v(snapshot), self._learned())
+            self._show_raw(snapshot)
         self._take_finished(snapshot)
         self._signal_trigger(snapshot)
         return snapshot
 
-    def _thresholds_v(self, snapshot: Snapshot) -> tuple[float | None, float | None]:
-        """Return the trigger's thresholds; set ones are shown at once, although they apply from the next arming on."""
+    def _show_raw(self, snapshot: Snapshot) -> None:
+        """Show raw signals with the trigger's thresholds; set ones at once, although they apply from the next arming."""
         settings = self._store.settings
         set_v = settings.switch_low_v, settings.switch_high_v
-        return snapshot.signal.switch_thresholds_v if self._learned() else set_v
-
-    def _learned(self) -> bool:
-        """Return whether the signal determines the thresholds."""
-        settings = self._store.settings
-        return settings.switch_low_v is None or settings.switch_high_v is None
+        learned = None in set_v  # the signal determines the thresholds
+        thresholds_v = snapshot.signal.switch_thresholds_v if learned else set_v
+        self._panels.live.show_raw(snapshot.live, self._rig.channels, thresholds_v, learned)
 
     def _signal_trigger(self, snapshot: Snapshot) -> None:
         """Beep or flash once per trigger, according to the settings."""

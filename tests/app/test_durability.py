@@ -53,7 +53,7 @@ SAVES: dict[str, tuple[str, Save]] = {
     "an export": ("shot.csv", lambda path: write_motion(SHOT, path)),
     "an export to HDF5": ("shot-1.h5", lambda path: export_hdf5([SHOT], path.parent)),
     "what a doctor found": ("bundle.zip", lambda path: write_bundle(path, [])),
-    "what a plot shows": ("plot.csv", lambda path: save_columns({"a": np.arange(3.0)}, path)),
+    "what a plot shows": ("plot.csv", lambda path: save_columns([("a", np.arange(3.0))], path)),
 }
 
 

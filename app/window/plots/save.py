@@ -1,6 +1,6 @@
 """Save a plot as PNG, SVG or CSV, or copy it as a picture."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from itertools import zip_longest
 from pathlib import Path
 
@@ -92,15 +92,11 @@ def save_csv(stack: TimeStack, path: Path) -> None:
                     groups.append((x, group := []))
                 group.append((f"{plot.title} {curve.label} ({plot.unit})", values))
     time = f"time ({stack.cursors.axis.unit})"
-    columns = [column for x, group in groups for column in ((time, x), *group)]
-    _write([head for head, _ in columns], [values for _, values in columns], path)
+    save_columns([column for x, group in groups for column in ((time, x), *group)], path)
 
 
-def save_columns(columns: Mapping[str, np.ndarray], path: Path) -> None:
-    """Write named columns as CSV.  Raises RecordingError."""
-    _write(list(columns), list(columns.values()), path)
-
-
-def _write(heads: Sequence[str], columns: Sequence[np.ndarray], path: Path) -> None:
-    rows = zip_longest(*columns)  # shorter columns are filled with None
-    write_table(heads, ([f"{value:.12g}" if value is not None else "" for value in row] for row in rows), path)
+def save_columns(columns: Collection[tuple[str, np.ndarray]], path: Path) -> None:
+    """Write columns, each with its heading, as CSV.  Raises RecordingError."""
+    rows = zip_longest(*(values for _, values in columns))  # shorter columns are filled with None
+    texts = ([f"{value:.12g}" if value is not None else "" for value in row] for row in rows)
+    write_table([head for head, _ in columns], texts, path)

@@ -67,8 +67,7 @@ class ViewPresenter(QObject):
 
     @Slot()
     def reset_view(self) -> None:
-        plot = self._plot()
-        if plot is not None:
+        if (plot := self._plot()) is not None:
             plot.reset()
 
     @Slot()
@@ -86,8 +85,7 @@ class ViewPresenter(QObject):
 
     @Slot()
     def toggle_cursors(self) -> None:
-        plot = self._plot()
-        if plot is not None:
+        if (plot := self._plot()) is not None:
             plot.toggle_cursors()
 
     @Slot()
@@ -99,15 +97,13 @@ class ViewPresenter(QObject):
 
     @Slot()
     def copy_plot(self) -> None:
-        plot = self._plot()
-        if plot is not None:
+        if (plot := self._plot()) is not None:
             QGuiApplication.clipboard().setImage(save.picture(plot))
             self.said.emit("The plot is on the clipboard as a picture", Tone.NEUTRAL)
 
     @Slot()
     def plot_menu(self) -> None:
-        plot = self._plot()
-        if plot is not None:
+        if (plot := self._plot()) is not None:
             plot.open_menu()
 
     @Slot(object, str)
@@ -125,7 +121,7 @@ class ViewPresenter(QObject):
             elif isinstance(plot, TimeStack):
                 save.save_csv(plot, path)
             elif isinstance(plot, PlainPlot):
-                save.save_columns(plot.columns, path)
+                save.save_columns(plot.columns.items(), path)
             else:
                 raise OSError(f"{path}: this plot has no samples to save")
         except (OSError, RecordingError) as error:

@@ -74,7 +74,7 @@ class RigPresenter(QObject):
         return snapshot
 
     def _show_raw(self, snapshot: Snapshot) -> None:
-        """Show raw signals with the trigger's thresholds; set ones at once, although they apply from the next arming."""
+        """Show raw samples with the trigger's thresholds; set ones at once, although they apply from the next ARM."""
         settings = self._store.settings
         set_v = settings.switch_low_v, settings.switch_high_v
         learned = None in set_v  # the signal determines the thresholds

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import zip_longest
 
 import numpy as np
 import pyqtgraph as pg
@@ -159,10 +160,8 @@ class ComparePanel(Themed, QWidget):
         self._numbers = _CurveNumbers(velocity, self)
         right = QWidget(split)
         right_column = vertical(right, (6, 0, 0, 0))
-        self.trend = TrendPlot(right)
-        self.repeatability = text_label("", right, selectable=True, wrap=True)
-        right_column.addWidget(self.trend, 1)
-        right_column.addWidget(self.repeatability)
+        self.trend = added(right_column, TrendPlot(right), 1)
+        self.repeatability = added(right_column, text_label("", right, selectable=True, wrap=True))
         split.setSizes([620, 380])
         split.setChildrenCollapsible(False)
         column.addWidget(split, 1)
@@ -186,28 +185,20 @@ class ComparePanel(Themed, QWidget):
         """Overlay the last ``MOST`` of these entries and show the trend of all."""
         self._entries = [entry for entry in entries if entry.shot is not None and entry.shot.motion is not None]
         shown = self._entries[-MOST:]
-        for index in range(MOST):
-            velocity, force = self._velocity_curves[index], self._force_curves[index]
-            present = index < len(shown)
-            velocity.setVisible(present)
-            force.setVisible(present)
-            if not present:
-                velocity.clear_samples()
-                force.clear_samples()
-                continue
-            shot = shown[index].shot
-            assert shot is not None and shot.motion is not None
-            start, step = grid_ms(shot)
-            velocity.label = force.label = f"{shown[index].number} {shown[index].name}"
-            velocity.show_samples(start, step, shot.motion.velocity_m_per_s)
-            force.show_samples(start, step, shot.motion.force_n)
-        count = len(self._entries)
+        for curves, quantity in ((self._velocity_curves, "velocity_m_per_s"), (self._force_curves, "force_n")):
+            for curve, entry in zip_longest(curves, shown):
+                curve.setVisible(entry is not None)
+                if entry is None or entry.shot is None:
+                    curve.clear_samples()
+                else:
+                    curve.label = f"{entry.number} {entry.name}"
+                    curve.show_samples(*grid_ms(entry.shot), getattr(entry.shot.motion, quantity))
+        count, said = len(self._entries), ""
         if count == 0:
-            self._say.setText("Select shots in the table below (Ctrl or Shift with a click) to overlay them.")
+            said = "Select shots in the table below (Ctrl or Shift with a click) to overlay them."
         elif count > MOST:
-            self._say.setText(f"the last {MOST} of {count} selected shots are overlaid; the trend includes all")
-        else:
-            self._say.setText("")
+            said = f"the last {MOST} of {count} selected shots are overlaid; the trend includes all"
+        self._say.setText(said)
         self._label_lines()
         self.stack.set_shots([e.shot for e in shown], _named(shown))
         self.trend.set_shots([e.shot for e in self._entries], _named(self._entries))

@@ -23,6 +23,7 @@ from app.words import counted, lines, localised_text, tag
 from instrument.devices import Check, FoundDevice, Grade
 
 TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
+BENCH = FoundDevice("bench", "Simulated bench", "no device needed")
 MOST_CHECKS = 6
 TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "Light switch", "site": "Site"}
 
@@ -109,23 +110,21 @@ class SetupSheet(Sheet):
             self._found.setText(f"{counted(len(found), 'device')} found")
         else:
             self._found.setText("No digitizer is plugged in. The simulated bench needs none.")
-        self._add_device(0, "bench", "Simulated bench", "no device needed", "", present)
-        for line, device in enumerate((*found, *known), 1):
-            words = f"{device.problem}: {device.remedy}" if device.problem else ""
-            self._add_device(line, device.source, device.name, device.where, words, present)
+        for line, device in enumerate((BENCH, *found, *known)):
+            self._add_device(2 * line, device, device.source == present)
 
-    def _add_device(self, line: int, source: str, name: str, where: str, problem: str, present: str) -> None:
-        label = text_label(lines((tag("b", name), where)), self, wrap=True)
-        used = "In use" if source == present else "Use"
-        button = push_button(used, f"Use {name} as the source", self, self.source_wanted, source)
-        button.setEnabled(source != present)
-        button.setAccessibleName(f"Use {name}")
-        self._devices.addWidget(label, 2 * line, 0)
-        self._devices.addWidget(button, 2 * line, 1, Qt.AlignmentFlag.AlignTop)
-        if problem:
+    def _add_device(self, line: int, device: FoundDevice, in_use: bool) -> None:
+        label = text_label(lines((tag("b", device.name), device.where)), self, wrap=True)
+        hover = f"Use {device.name} as the source"
+        button = push_button("In use" if in_use else "Use", hover, self, self.source_wanted, device.source)
+        button.setEnabled(not in_use)
+        button.setAccessibleName(f"Use {device.name}")
+        self._devices.addWidget(label, line, 0)
+        self._devices.addWidget(button, line, 1, Qt.AlignmentFlag.AlignTop)
+        if device.problem:
             below = text_label("", self, wrap=True)
-            show_toned(below, problem, Tone.BAD)
-            self._devices.addWidget(below, 2 * line + 1, 0)
+            show_toned(below, f"{device.problem}: {device.remedy}", Tone.BAD)
+            self._devices.addWidget(below, line + 1, 0)
 
     def refuse_address(self, words: str) -> None:
         """Show why an address is invalid; "" hides the message."""

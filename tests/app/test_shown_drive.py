@@ -35,7 +35,7 @@ def view(qtbot):
 
 
 def test_every_curve_stands_over_its_own_axis(view) -> None:
-    assert not view.empty
+    assert view.curves is not None
     expected = (
         (view._velocity, TIME_S, SPEED_M_PER_S), (view._measured, TIME_S, MODELLED_N + LEFT_N),
         (view._modelled, TIME_S, MODELLED_N), (view._residual, TIME_S, LEFT_N),
@@ -65,7 +65,7 @@ def test_what_is_left_is_told_against_what_repeats(view) -> None:
 
 def test_a_drive_that_went_leaves_nothing(view) -> None:
     view.show_curves(None)
-    assert view.empty and view.legend()[-1][0] == "band"
+    assert view.curves is None and view.legend()[-1][0] == "band"
     curves = (view._velocity, view._measured, view._modelled, view._residual)
     pages = (view.speed, view.place)
     assert all(curve.samples.size == 0 for curve in curves)

@@ -61,15 +61,7 @@ class BestFirst:
 
     def __init__(self, question: DiagnosisInput) -> None:
         self._question = question
-        self._search = Search(
-            question.shots,
-            question.begin,
-            question.catalogue,
-            question.accepted,
-            question.progress,
-            question.stop,
-            question.limit,
-        )
+        self._search = Search(question)
         self._in_building: Branch | None = None
         self._at_rest: Branch | None = None
         self._answer: Explanation | None = None

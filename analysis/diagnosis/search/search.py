@@ -12,9 +12,17 @@ import numpy as np
 
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.search.forward_selection import Trail, add_effects, best_untried_pair, nearly_as_likely
+from analysis.diagnosis.diagnosis_input import DiagnosisInput
+from analysis.diagnosis.search.forward_selection import (
+    Trail,
+    add_effects,
+    best_untried_pair,
+    better,
+    forward_search,
+    nearly_as_likely,
+)
 from analysis.diagnosis.search.full_rate import with_frame_response_updated
-from analysis.diagnosis.search.search_starts import accept, search_from_base
+from analysis.diagnosis.search.wider_variants import contained_effects
 from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.conclusion import leaves_something
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -22,30 +30,32 @@ from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import (
     Fitted,
     Point,
-    Samples,
     SearchStart,
     Site,
     TrialEffect,
     base_fit,
+    first_guesses,
+    joined,
     joint_data,
     per_shot_nuisances,
     resembles_frame_motion,
     white_floor,
     with_frame_relinearised,
 )
-from analysis.shot import Progress, Stop
+from analysis.shot import Stop
+
+_SOFTENED = ((1.0, 1.0), (0.01, 0.1))  # factors on stiffness and damping of the contact as read
 
 
 @dataclass(frozen=True)
 class SearchResult:
-    """The best fit under one noise model, the trail that led to it, and the catalogue that was searched.
+    """The best fit under one noise model, and the trail that led to it.
 
     ``rounds`` is the number of rounds left out; each might have added one effect.
     """
 
     best: Fitted
     trail: Trail
-    catalogue: Sequence[TrialEffect]
     rounds: int = 0
 
     @cached_property
@@ -62,7 +72,7 @@ class SearchResult:
         """Return the search after the rounds that were left out, where there is a residual to explain."""
         if not self.rounds or not self.residual.significant:
             return self
-        return SearchResult(add_effects(self.best, self.trail, self.rounds), self.trail, self.catalogue)
+        return SearchResult(add_effects(self.best, self.trail, self.rounds), self.trail)
 
     def with_pairs(self) -> "SearchResult":
         """Return the search with the best pair of effects not yet tried jointly, where that is likelier."""
@@ -72,37 +82,32 @@ class SearchResult:
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """A search of averaged ``shots``: the base fit starts at ``given``, ``accepted`` effects are part of the model."""
+    """A search of the catalogue of one ``question``; effects already in the model are part of every fit."""
 
-    shots: tuple[Samples, ...]
-    given: SearchStart
-    catalogue: Sequence[TrialEffect]
-    accepted: Sequence[Effect]
-    tell: Progress
-    stop: Stop
-    limit: Limit | None = None
+    question: DiagnosisInput
 
     def under(self, site: Site | None, *, most: int = CRITERIA.most_effects, beat: float = math.inf) -> SearchResult:
         """Search under one noise model for at most ``most`` effects; frame motion belongs to ``site``, not to effects.
 
         A search that cannot come below ``beat``, the BIC of a likelier search, is not continued.
         """
-        data = joint_data(self.shots, self.given, site)
+        question, given, stop, limit = self.question, self.question.begin, self.question.stop, self.question.limit
+        data = joint_data(question.shots, given, site)
         catalogue = [
             kind
-            for kind in self.catalogue
-            if site is None or kind.effect in self.accepted or not resembles_frame_motion(kind.effect)
+            for kind in question.catalogue
+            if site is None or kind.effect in question.accepted or not resembles_frame_motion(kind.effect)
         ]
 
         def along_with(along: Sequence[Effect]) -> tuple[Fitted, Trail]:
-            base = base_fit(data, self.given, self.stop, along)
-            start = accept(base, self.catalogue, self.accepted, self.stop)
-            start = with_frame_relinearised(start, self.stop) if self.accepted else start
-            self.tell("scoring the catalogue", 0.15)
+            base = base_fit(data, given, stop, along)
+            start = accept(base, question.catalogue, question.accepted, stop)
+            start = with_frame_relinearised(start, stop) if question.accepted else start
+            question.progress("scoring the catalogue", 0.15)
             if site is None:
-                return search_from_base(start, self.given, catalogue, self.stop, most=most, limit=self.limit, beat=beat)
+                return search_from_base(start, given, catalogue, stop, most=most, limit=limit, beat=beat)
             # A missing effect makes plates seem to move, which could pass for a second effect.
-            first, trail = search_from_base(start, self.given, catalogue, self.stop, most=1, limit=self.limit)
+            first, trail = search_from_base(start, given, catalogue, stop, most=1, limit=limit)
             each = side_by_side(
                 lambda fitted: with_frame_response_updated(fitted, trail), nearly_as_likely(first, trail)
             )
@@ -115,16 +120,17 @@ class Search:
         best, trail = along_with(along)
         if along:  # accelerations fitted per shot may absorb one law common to all shots
             plain, plain_trail = along_with(())
-            own_needed = plain.bic > best.bic and _nuisances_pay(best, along, self.stop)
+            own_needed = plain.bic > best.bic and _nuisances_pay(best, along, stop)
             in_time = plain_trail.compared or not trail.compared  # a search cut short does not replace a complete one
             if in_time and not own_needed:
                 best, trail = plain, plain_trail
         added = len(trail.added(best))
-        return SearchResult(best, trail, catalogue, CRITERIA.most_effects - added if added >= most else 0)
+        return SearchResult(best, trail, CRITERIA.most_effects - added if added >= most else 0)
 
     def base_without_frame_motion(self) -> Fitted:
         """Return the base model's fit without frame motion.  Raises AnalysisError where there is none."""
-        return base_fit(joint_data(self.shots, self.given, None), self.given, self.stop)
+        given = self.question.begin
+        return base_fit(joint_data(self.question.shots, given, None), given, self.question.stop)
 
     def likelier_without_frame_motion(self, best: Fitted) -> bool:
         """Return whether the shots are likelier without frame motion, given the same effects; costs one more fit.
@@ -134,10 +140,10 @@ class Search:
         """
         if not best.effects:
             return False
-        data = joint_data(self.shots, self.given, None)
+        data = joint_data(self.question.shots, self.question.begin, None)
         rms_m = math.sqrt(float(np.mean(np.concatenate(best.residual_m) ** 2)))
         still = replace(best.problem, data=data, noise=white_floor(rms_m, best.noise.spacing_s))
-        return still.fit(best.z, cancelled=self.stop).bic < best.bic
+        return still.fit(best.z, cancelled=self.question.stop).bic < best.bic
 
 
 def _nuisances_pay(best: Fitted, nuisances: Sequence[Effect], stop: Stop) -> bool:
@@ -150,3 +156,63 @@ def _nuisances_pay(best: Fitted, nuisances: Sequence[Effect], stop: Stop) -> boo
         return best.bic < bare.fit(bare.pack(Point(point.base, point.own, values)), cancelled=stop).bic
     except Infeasible:
         return True
+
+
+def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[Effect], stop: Stop) -> Fitted:
+    """Return the base fit with the effects already in the model added."""
+    kinds = {kind.effect: kind for kind in catalogue}
+    for effect in accepted:
+        if effect not in kinds:
+            raise ValueError(f"no effect is called {effect.name!r}; there are {', '.join(e.name for e in kinds)}")
+    held = contained_effects(accepted)
+    return joined(base, [kinds[effect] for effect in accepted if effect not in held], stop)
+
+
+def search_from_base(
+    before: Fitted,
+    given: SearchStart,
+    catalogue: Sequence[TrialEffect],
+    stop: Stop,
+    *,
+    most: int = CRITERIA.most_effects,
+    limit: Limit | None = None,
+    beat: float = math.inf,
+) -> tuple[Fitted, Trail]:
+    """Search for at most ``most`` effects; return best fit and trail.  ``given`` is the start of the base fit."""
+    if not before.converged and given.left > CRITERIA.drawn_far:
+        return _from_the_guess(before, catalogue, stop, limit)
+    best, trail = forward_search(before, catalogue, stop, most=most, limit=limit, beat=beat)
+    again = trail.of(before.effects)
+    if again is not None and better(again, before):  # adding and removing an effect led to a better minimum of the base
+        return forward_search(again, catalogue, stop, most=most, limit=limit, beat=beat)
+    return best, trail
+
+
+def _from_the_guess(
+    before: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, limit: Limit | None
+) -> tuple[Fitted, Trail]:
+    """Return the best fit with effects, started from the readings of the collision instead of the base model's fit.
+
+    A missing effect a thousand times the noise drives base parameters to a bound, from which no step leads back.  The
+    effect may also have spoilt the reading of the contact, so a softer contact is a second start.
+    """
+    problem = before.problem
+    shots = problem.data.shots
+    guess = first_guesses(problem.data.base, shots, stop)[0]
+    own = np.array([shot.course.own for shot in shots])
+    climbs = []
+    for softer in _SOFTENED:
+        contact = guess.copy()
+        contact[problem.data.base.contact_at] *= softer
+        point = problem.with_softened_contact(Point(contact, own, before.point.values))
+        try:
+            there = problem.fit_once(problem.pack(point), evaluations=1, cancelled=stop)
+        except Infeasible:
+            continue
+        trail = Trail(before, catalogue, stop, limit=limit)
+        best = add_effects(there, trail)
+        if best is not there and best.bic < before.bic:
+            climbs.append((best, trail))
+    if climbs:
+        return min(climbs, key=lambda climbed: climbed[0].bic)
+    return forward_search(before, catalogue, stop, limit=limit)

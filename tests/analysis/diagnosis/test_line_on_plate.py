@@ -9,7 +9,7 @@ from analysis.collision.laws.own import from_mapping
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.search.search_starts import accept
+from analysis.diagnosis.search.search import accept
 from analysis.inference.fit.free_parameters import trial_effects
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.shot.motion import Motion

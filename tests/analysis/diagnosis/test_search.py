@@ -9,7 +9,7 @@ import pytest
 
 from analysis.collision import WIDER, Infeasible
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.search import search, search_starts, wider_variants
+from analysis.diagnosis.search import search, wider_variants
 from analysis.diagnosis.search.search import Search, SearchResult
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Point
@@ -30,6 +30,10 @@ def trail_of(start: Any, *, compared: bool = True) -> Any:
     )  # fmt: skip
 
 
+def question(catalogue: Any = (), accepted: Any = (), **more: Any) -> Any:
+    return SimpleNamespace(shots="shots", begin="given", catalogue=catalogue, accepted=accepted, stop="stop", **more)
+
+
 @pytest.mark.parametrize("rounds", [0, 2])
 @pytest.mark.parametrize("significant", [True, False])
 def test_a_search_goes_on_where_rounds_are_left_and_something_is(
@@ -40,17 +44,17 @@ def test_a_search_goes_on_where_rounds_are_left_and_something_is(
     monkeypatch.setattr(search, "residual_of", lambda fitted, at: left if at == ("linear", fitted) else None)
     monkeypatch.setattr(search, "add_effects", lambda *given: given)
     monkeypatch.setattr(search, "leaves_something", lambda residual, *, nothing_pays: (residual, nothing_pays))
-    searched = SearchResult(best, trail, ("catalogue",), rounds)
+    searched = SearchResult(best, trail, rounds)
     assert searched.leaves_something == (left, True)
     ended: Any = searched.to_convergence()
     goes_on = bool(rounds) and significant
-    assert ended == (SearchResult((best, trail, rounds), trail, ("catalogue",)) if goes_on else searched)  # type: ignore[arg-type]
+    assert ended == (SearchResult((best, trail, rounds), trail) if goes_on else searched)  # type: ignore[arg-type]
 
 
 def test_two_effects_that_hide_each_other_take_the_place_where_they_are_likelier(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    searched = SearchResult(fit(5.0), trail_of(fit(9.0)), (), 1)
+    searched = SearchResult(fit(5.0), trail_of(fit(9.0)), 1)
     for pair, taken in ((None, False), (fit(5.0), False), (fit(4.9), True)):
         monkeypatch.setattr(
             search, "best_untried_pair", lambda trail, pair=pair: pair if trail is searched.trail else "other"
@@ -106,7 +110,7 @@ class Stage:
 
     def search(self, *, accepted: Any = (), limit: Any = None) -> Search:
         catalogue = [KINDS[name] for name in ("viscous_drag", "tilt", "viscoelastic_arm")]
-        return Search("shots", "given", catalogue, accepted, self.tell, "stop", limit)  # type: ignore[arg-type]
+        return Search(question(catalogue, accepted, progress=self.tell, limit=limit))
 
 
 def test_at_rest_the_whole_catalogue_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -118,7 +122,7 @@ def test_at_rest_the_whole_catalogue_is_searched(monkeypatch: pytest.MonkeyPatch
     assert start[:2] == ("accepted", ("base", data, "given", "stop", ())) and start[3:] == ((), "stop")
     assert (given, stop) == ("given", "stop") and names == ["viscous_drag", "tilt", "viscoelastic_arm"]
     assert options == {"most": 2, "limit": "limit", "beat": 7.0}
-    assert searched.best is stage.best and [kind.effect for kind in searched.catalogue] == [DRAG, TILT, ARM]
+    assert searched.best is stage.best
     assert searched.rounds == CRITERIA.most_effects - 2
     assert stage.search().under(None).rounds == 0  # fewer were found than might have been
     assert stage.search(accepted=(DRAG,)).under(None) and stage.asked[-1][1][0] == "anew"
@@ -176,7 +180,7 @@ def test_a_fit_may_be_likelier_without_a_building(better: bool, monkeypatch: pyt
     best: Any = fit(
         100.0, DRAG, residual_m=[np.array([3.0, -4.0]), np.array([0.0, 5.0])], problem="problem", noise=noise, z="z"
     )
-    one = Search("shots", "given", (), (), print, "stop")  # type: ignore[arg-type]
+    one = Search(question())
     assert one.likelier_without_frame_motion(best) is better
     ((problem, new),) = made
     assert problem == "problem" and new["data"] == ("shots", "given", None)
@@ -208,14 +212,14 @@ def test_nuisances_pay_where_the_fit_without_them_is_less_likely(bic: float | No
 def test_effects_that_the_model_has_join_the_base_but_for_those_that_others_hold(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(search_starts, "joined", lambda *given: given)
-    monkeypatch.setattr(search_starts, "contained_effects", lambda effects: {DRAG} if TILT in effects else set())
+    monkeypatch.setattr(search, "joined", lambda *given: given)
+    monkeypatch.setattr(search, "contained_effects", lambda effects: {DRAG} if TILT in effects else set())
     catalogue = [KINDS[name] for name in ("viscous_drag", "tilt")]
     given: Any = ("base", catalogue)
-    assert search_starts.accept(*given, (DRAG,), "stop") == ("base", catalogue[:1], "stop")  # type: ignore[arg-type]
-    assert search_starts.accept(*given, (DRAG, TILT), "stop") == ("base", catalogue[1:], "stop")  # type: ignore[arg-type]
+    assert search.accept(*given, (DRAG,), "stop") == ("base", catalogue[:1], "stop")  # type: ignore[arg-type]
+    assert search.accept(*given, (DRAG, TILT), "stop") == ("base", catalogue[1:], "stop")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="no effect is called 'viscoelastic_arm'; there are viscous_drag, tilt"):
-        search_starts.accept(*given, (ARM,), "stop")  # type: ignore[arg-type]
+        search.accept(*given, (ARM,), "stop")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(("again", "twice"), [(98.9, True), (99.1, False), (None, False)])
@@ -230,18 +234,18 @@ def test_where_effects_led_the_base_to_a_better_minimum_the_search_begins_there(
         asked.append((start, given, options))
         return f"best of {len(asked)}", SimpleNamespace(of=lambda effects: better if effects == () else None)
 
-    monkeypatch.setattr(search_starts, "forward_search", forward_search)
-    monkeypatch.setattr(search_starts, "_from_the_guess", lambda *given: given)
+    monkeypatch.setattr(search, "forward_search", forward_search)
+    monkeypatch.setattr(search, "_from_the_guess", lambda *given: given)
     start: Any = SimpleNamespace(left=1.01 * CRITERIA.drawn_far)
     options: Any = {"most": 2, "limit": "limit", "beat": 7.0}
     given: Any = (start, "catalogue", "stop")
-    best, _ = search_starts.search_from_base(before, *given, **options)
+    best, _ = search.search_from_base(before, *given, **options)
     assert best == ("best of 2" if twice else "best of 1")
     assert asked == [(one, ("catalogue", "stop"), options) for one in ([before, better] if twice else [before])]
     before.converged = False
-    assert search_starts.search_from_base(before, *given, **options) == (before, "catalogue", "stop", "limit")
+    assert search.search_from_base(before, *given, **options) == (before, "catalogue", "stop", "limit")
     start.left = 0.99 * CRITERIA.drawn_far
-    assert search_starts.search_from_base(before, *given, **options)[0] in ("best of 2", "best of 3", "best of 4")
+    assert search.search_from_base(before, *given, **options)[0] in ("best of 2", "best of 3", "best of 4")
 
 
 @pytest.mark.parametrize("ends", [{1.0: 80.0, 0.01: 70.0}, {1.0: 60.0, 0.01: 70.0}, {0.01: 99.0}, {1.0: 101.0}, {}])
@@ -267,11 +271,11 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
         data=data, with_softened_contact=lambda point: point, pack=lambda point: point, fit_once=fit_once
     )
     before: Any = fit(100.0, problem=problem, point=SimpleNamespace(values="values"))
-    monkeypatch.setattr(search_starts, "first_guesses", lambda *given: [guess])
-    monkeypatch.setattr(search_starts, "Trail", lambda *given, **named: SimpleNamespace(given=given, named=named))
-    monkeypatch.setattr(search_starts, "add_effects", lambda there, trail: fit(ends[there.softer], DRAG))
-    monkeypatch.setattr(search_starts, "forward_search", lambda *given, **named: ("search_from_base", given, named))
-    found: Any = search_starts._from_the_guess(before, "catalogue", "stop", "limit")  # type: ignore[arg-type]
+    monkeypatch.setattr(search, "first_guesses", lambda *given: [guess])
+    monkeypatch.setattr(search, "Trail", lambda *given, **named: SimpleNamespace(given=given, named=named))
+    monkeypatch.setattr(search, "add_effects", lambda there, trail: fit(ends[there.softer], DRAG))
+    monkeypatch.setattr(search, "forward_search", lambda *given, **named: ("search_from_base", given, named))
+    found: Any = search._from_the_guess(before, "catalogue", "stop", "limit")  # type: ignore[arg-type]
     least = min((bic for bic in ends.values() if bic < 100.0), default=None)
     if least is None:
         assert found == ("search_from_base", (before, "catalogue", "stop"), {"limit": "limit"})
@@ -279,8 +283,8 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
         assert found[0].bic == least and found[1].given == (before, "catalogue", "stop")
         assert found[1].named == {"limit": "limit"}
     assert len(packed) == 2 and np.array_equal(packed[0].own, [[1.0, 2.0, 3.0]] * 2) and packed[0].values == "values"
-    monkeypatch.setattr(search_starts, "add_effects", lambda there, trail: there)  # where no effect joins
-    assert search_starts._from_the_guess(before, "catalogue", "stop", None)[0] == "search_from_base"  # type: ignore[arg-type]
+    monkeypatch.setattr(search, "add_effects", lambda there, trail: there)  # where no effect joins
+    assert search._from_the_guess(before, "catalogue", "stop", None)[0] == "search_from_base"  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("one_body", [True, False])

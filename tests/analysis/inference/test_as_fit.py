@@ -9,7 +9,7 @@ import pytest
 
 from analysis.collision.effects import named
 from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.diagnosis.search.search_starts import accept
+from analysis.diagnosis.search.search import accept
 from analysis.inference.fit.as_fit import _has_transient_excess, _sway_left_std_m, as_fit, effect_parameters
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.pipeline import analyse

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.collision.effects import named
-from analysis.diagnosis.search.search_starts import search_from_base
+from analysis.diagnosis.search.search import search_from_base
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit import first_fit as module
 from analysis.inference.fit.base import SearchStart, base_named

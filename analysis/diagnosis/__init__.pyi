@@ -4,9 +4,9 @@ from .result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdi
 from .result_file import diagnosis_result, prediction_test_result
 from .search.competing_models import fitted_instead
 from .search.forward_selection import Trail, without
-from .verdict.coincidence import per_shot_cost
 from .verdict.criteria import CRITERIA
 from .verdict.identifiability import separation
+from .verdict.indistinguishable import per_shot_cost
 from .verdict.prediction_errors import PredictionTest, evaluate_predictions
 from .wording import in_words, prediction_words, remark_on
 from .words import EQUIVALENT_EFFECTS

@@ -14,10 +14,10 @@ from analysis.diagnosis.result import Freedom
 from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import Trail, prune
 from analysis.diagnosis.time_limit import SECONDS, Limit
-from analysis.diagnosis.verdict import acceptance, coincidence, lack_of_fit
+from analysis.diagnosis.verdict import acceptance, indistinguishable, lack_of_fit
 from analysis.diagnosis.verdict.acceptance import settle, without_unpredictive_effects
-from analysis.diagnosis.verdict.coincidence import PerShotCost, imitates_by_coincidence
 from analysis.diagnosis.verdict.cross_validation import Prediction
+from analysis.diagnosis.verdict.indistinguishable import PerShotCost, imitates_by_coincidence
 from analysis.diagnosis.verdict.lack_of_fit import NO_MISFIT, LackOfFit, largest_misfit
 from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference import Fitted, joined
@@ -308,7 +308,7 @@ def test_numbers_of_every_shot_that_fall_where_one_number_foretells_them_are_cha
         known = cost[fitted]
         return None if known is None else PerShotCost(known, np.ones(1))
 
-    monkeypatch.setattr(coincidence, "per_shot_cost", per_shot_cost)
+    monkeypatch.setattr(indistinguishable, "per_shot_cost", per_shot_cost)
     assert imitates_by_coincidence(cast(Any, theirs), rival, cast(Any, ours), instead) is refused
     assert not imitates_by_coincidence(None, rival, cast(Any, ours), instead)
 

@@ -10,10 +10,10 @@ from analysis.collision.effects import effects_named
 from analysis.diagnosis.search import competing_models as module
 from analysis.diagnosis.search.competing_models import _close, _known, _nearest, _of_one_line, _ring_alike
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.verdict import coincidence
-from analysis.diagnosis.verdict.coincidence import imitates_by_coincidence
+from analysis.diagnosis.verdict import indistinguishable
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation
+from analysis.diagnosis.verdict.indistinguishable import imitates_by_coincidence
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.shot import Cancelled
 from tests.analysis.diagnosis.shots import KINDS, calm
@@ -103,7 +103,9 @@ def test_numbers_of_every_shot_are_chance_where_one_number_makes_the_shots_likel
 ) -> None:
     nats = {MOTION: 20.0, DRAG: 5.0, TILT: None}
     monkeypatch.setattr(
-        coincidence, "per_shot_cost", lambda _, one: None if nats[one] is None else SimpleNamespace(nats=nats[one])
+        indistinguishable,
+        "per_shot_cost",
+        lambda _, one: None if nats[one] is None else SimpleNamespace(nats=nats[one]),
     )
 
     def of(chi2: float) -> Any:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.verdict.coincidence import imitates_by_coincidence, per_shot_cost
+from analysis.diagnosis.verdict.indistinguishable import imitates_by_coincidence, per_shot_cost
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning.distances import nearest, refitted, screen_shots
 from analysis.planning.model_comparison import ModelComparison, compare_models

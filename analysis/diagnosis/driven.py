@@ -16,7 +16,7 @@ from analysis.diagnosis.result import (
     FoundEffect,
     Standing,
 )
-from analysis.diagnosis.verdict.conclusion import conclude
+from analysis.diagnosis.verdict.acceptance import conclude
 from analysis.drive import (
     GAIN_ERROR,
     LAWS,

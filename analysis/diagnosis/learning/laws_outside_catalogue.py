@@ -12,7 +12,7 @@ from analysis.diagnosis.learning.two_laws import learn_laws, learn_second_law
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.conclusion import conclude
+from analysis.diagnosis.verdict.acceptance import conclude
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr

@@ -24,7 +24,6 @@ from analysis.diagnosis.search.forward_selection import (
 from analysis.diagnosis.search.full_rate import with_frame_response_updated
 from analysis.diagnosis.search.wider_variants import contained_effects
 from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.conclusion import leaves_something
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import (
@@ -66,7 +65,7 @@ class SearchResult:
     @property
     def leaves_something(self) -> bool:
         """Get whether the best fit leaves more than noise, and more than a trace that no effect explains."""
-        return leaves_something(self.residual, nothing_pays=self.trail.nothing_pays)
+        return self.residual.leaves_something(nothing_pays=self.trail.nothing_pays)
 
     def to_convergence(self) -> "SearchResult":
         """Return the search after the rounds that were left out, where there is a residual to explain."""

@@ -1,13 +1,14 @@
 """The gates that an effect must pass to be named: it predicts validation shots, stands out, and leaves no misfit.
 
 ``settle`` applies the gates that may remove an effect from the fit that a search found; ``accepted_effects`` decides
-which of the remaining effects are named.
+which of the remaining effects are named; ``conclude`` decides the verdict, also on laws and of drives.
 """
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from analysis.compiled import side_by_side
-from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.competing_models import (
     Separations,
     alternative_without_misfit,
@@ -23,7 +24,6 @@ from analysis.diagnosis.search.forward_selection import (
     without,
 )
 from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.conclusion import conclude, leaves_something
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
@@ -93,7 +93,7 @@ def accepted_effects(
     if effects and not _pass(effects, residual, best):
         return [], conclude(explained=False, effects=())
     return effects, conclude(
-        explained=not leaves_something(residual, nothing_pays=nothing_pays and not effects), effects=effects
+        explained=not residual.leaves_something(nothing_pays=nothing_pays and not effects), effects=effects
     )
 
 
@@ -192,3 +192,22 @@ def _settled(
         if other is not best:
             return GatedFit(other, of_other, separations_of(other, of_other, trail), left, predictions, predicted)
     return GatedFit(best, linearised, separations, residual, predictions, predicted)
+
+
+def conclude(
+    *,
+    explained: bool,
+    effects: Collection[FoundEffect],
+    laws: Collection[LearnedLaw] = (),
+    predicts_better: bool = False,
+) -> Verdict:
+    """Return the verdict on a model with these ``effects`` and ``laws``, all of which passed their gates.
+
+    ``explained``: the residual of the model with them is consistent with noise (of a drive: with its repeatability).
+    ``predicts_better``: effects that did not pass every gate predict the validation shots better than the model alone.
+    """
+    if explained:
+        if laws:
+            return Verdict.LAW_LEARNED
+        return Verdict.EFFECT_FOUND if effects else Verdict.ADEQUATE
+    return Verdict.PARTLY_EXPLAINED if effects or laws or predicts_better else Verdict.UNEXPLAINED

@@ -77,6 +77,13 @@ class Residual:
         least_of_a_law = CRITERIA.law_fall + math.log(self.samples)
         return self.misfit.size**2 < min(math.sqrt(2.0 * self.samples), least_of_a_law)
 
+    def leaves_something(self, *, nothing_pays: bool) -> bool:
+        """Return whether the residual must be explained: it exceeds noise, and is no faint trace without an effect.
+
+        ``nothing_pays``: the fit has no effect, and none that was tried explains enough to join.
+        """
+        return self.significant and not (nothing_pays and self.faint)
+
 
 def residual_of(fitted: Fitted, at: Linearised) -> Residual:
     """Test the residual of a fit.

@@ -15,7 +15,7 @@ from analysis.diagnosis.learning import laws_outside_catalogue as beyond
 from analysis.diagnosis.result import Errors, FoundEffect, Freedom, Remainder, Verdict
 from analysis.diagnosis.result_file import diagnosis_result
 from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.conclusion import conclude
+from analysis.diagnosis.verdict.acceptance import conclude
 from analysis.shot.quantity import Quantity
 from tests.app import synthetic
 
@@ -62,7 +62,7 @@ def _made(source: Path) -> list[int]:
 
 def test_a_verdict_is_made_in_one_place() -> None:
     made = {source.name: lines for source in sorted(ANALYSIS.rglob("*.py")) if (lines := _made(source))}
-    assert set(made) == {"conclusion.py"}
+    assert set(made) == {"acceptance.py"}
 
 
 WORDS = ("words", "driven_words", "contact_laws", "wording", "result_file")

@@ -40,12 +40,11 @@ def test_a_search_goes_on_where_rounds_are_left_and_something_is(
     rounds: int, significant: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     best, trail = fit(5.0), trail_of(fit(9.0))
-    left = SimpleNamespace(significant=significant)
+    left = SimpleNamespace(significant=significant, leaves_something=lambda *, nothing_pays: ("left", nothing_pays))
     monkeypatch.setattr(search, "residual_of", lambda fitted, at: left if at == ("linear", fitted) else None)
     monkeypatch.setattr(search, "add_effects", lambda *given: given)
-    monkeypatch.setattr(search, "leaves_something", lambda residual, *, nothing_pays: (residual, nothing_pays))
     searched = SearchResult(best, trail, rounds)
-    assert searched.leaves_something == (left, True)
+    assert searched.leaves_something == ("left", True)
     ended: Any = searched.to_convergence()
     goes_on = bool(rounds) and significant
     assert ended == (SearchResult((best, trail, rounds), trail) if goes_on else searched)  # type: ignore[arg-type]

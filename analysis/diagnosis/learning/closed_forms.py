@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 
 from analysis.collision import FORMS, Argument, Form
 from analysis.diagnosis.learning.curve_fit import Learned
+from analysis.diagnosis.learning.curve_motion import places_of
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import orthonormal
 from analysis.shot import Floats
@@ -85,8 +86,7 @@ def is_outside_base(form: Form, argument: Argument) -> bool:
 def _toll(learned: Learned, which: int) -> Floats:
     """Return the step of base and starts per change of each coefficient of a curve, shape (z, count)."""
     size = learned.z.size
-    start = size + sum(term.basis.count for term in learned.terms[:which])
-    mine = slice(start, start + learned.terms[which].basis.count)
+    mine = places_of(learned.terms, size)[which]
     inner, cross = learned.curvature[:size, :size], learned.curvature[:size, mine]
     scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
     solved = np.linalg.pinv(inner / np.outer(scale, scale), rcond=1e-13, hermitian=True) @ (cross / scale[:, None])
@@ -95,11 +95,9 @@ def _toll(learned: Learned, which: int) -> Floats:
 
 def information(learned: Learned, which: int = 0) -> Floats:
     """Return the shots' information on a curve's coefficients, all else eliminated, shape (count, count)."""
-    sizes = [learned.z.size, *(term.basis.count for term in learned.terms)]
-    edges = np.cumsum([0, *sizes])
-    mine = np.arange(edges[which + 1], edges[which + 2])
-    other = np.setdiff1d(np.arange(edges[-1]), mine)
     whole = learned.curvature
+    mine = np.r_[places_of(learned.terms, learned.z.size)[which]]
+    other = np.setdiff1d(np.arange(len(whole)), mine)
     scale = np.sqrt(np.maximum(np.diag(whole)[other], 1e-300))
     inner = whole[np.ix_(other, other)] / np.outer(scale, scale)
     cross = whole[np.ix_(other, mine)] / scale[:, None]
@@ -134,14 +132,13 @@ def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: floa
     names = form.nonlinear_parameters
     unit = np.array([1.0 if name in form.powers else span for name in names])
 
+    def values_at(u: Floats) -> dict[str, float]:
+        each = zip(names, u, unit, strict=True)
+        return {name: float(np.exp(v) * span if name in form.positive else v * w) for name, v, w in each}
+
     def size_and_rest(u: Floats) -> tuple[float, Floats]:
-        values = {"a": 1.0} | {
-            name: float(np.exp(v) if name in form.positive else v * w)
-            for name, v, w in zip(names, u, unit, strict=True)
-        }
-        values |= {name: values[name] * span for name in form.positive}
         with np.errstate(all="ignore"):
-            curve = form.values(fine, values)
+            curve = form.values(fine, {"a": 1.0, **values_at(u)})
         if not np.all(np.abs(curve) < _BEYOND):
             return 0.0, target
         row = seen(curve)
@@ -159,19 +156,15 @@ def _laid(form: Form, fine: Floats, seen, target: Floats, low: float, high: floa
         )
         rest = size_and_rest(u)[1]
         begins.append((float(rest @ rest), u))
-    best: tuple[float, Floats] | None = None
+    bounds = _bounds(form, names, low, high, span)
+    ends = []
     for _, u in sorted(begins, key=lambda begin: begin[0])[:3]:
-        bounds = _bounds(form, names, low, high, span)
         inside = np.clip(u, bounds[0] + 1e-9, bounds[1] - 1e-9)
-        found = least_squares(lambda v: size_and_rest(v)[1], inside, bounds=bounds, xtol=1e-10, ftol=1e-12, max_nfev=60)
-        if best is None or 2 * found.cost < best[0]:
-            best = (2 * float(found.cost), found.x)
-    assert best is not None
-    u = best[1]
-    values = {
-        n: float(np.exp(v) * span if n in form.positive else v * w) for n, v, w in zip(names, u, unit, strict=True)
-    }
-    return {"a": size_and_rest(u)[0], **values}, best[0]
+        ends.append(
+            least_squares(lambda v: size_and_rest(v)[1], inside, bounds=bounds, xtol=1e-10, ftol=1e-12, max_nfev=60)
+        )
+    best = min(ends, key=lambda end: end.cost)
+    return {"a": size_and_rest(best.x)[0], **values_at(best.x)}, 2 * float(best.cost)
 
 
 def _bounds(form: Form, names: tuple[str, ...], low: float, high: float, span: float) -> tuple[Floats, Floats]:

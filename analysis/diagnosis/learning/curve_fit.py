@@ -15,7 +15,7 @@ import numpy as np
 
 from analysis.collision import Argument, Infeasible, graded_basis
 from analysis.compiled import side_by_side
-from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, displacements, motions
+from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, displacements, motions, places_of
 from analysis.diagnosis.learning.penalised_step import damped, penalised_step
 from analysis.inference import Fitted, Floor, Problem, free_to_move, white_floor
 from analysis.shot import Cancelled, Floats, Stop
@@ -52,15 +52,14 @@ class Learned:
 
     def penalty_of(self, which: int) -> Floats:
         """Return the smoothing penalty of one curve's coefficients, shape (count, count)."""
-        edges = np.cumsum([0, *(term.basis.count for term in self.terms)])
-        part = slice(edges[:-1][which], edges[1:][which])
+        part = places_of(self.terms)[which]
         return self.penalty[part, part]
 
     def with_last(self, which: int) -> "Learned":
         """Return the same fit with one of its curves moved to the end."""
         order = [*(k for k in range(len(self.terms)) if k != which), which]
-        edges = np.cumsum([0, *(term.basis.count for term in self.terms)])
-        at = np.concatenate([np.arange(edges[k], edges[k + 1]) for k in order])
+        places = places_of(self.terms)
+        at = np.r_[tuple(places[k] for k in order)]
         whole = np.concatenate([np.arange(self.z.size), self.z.size + at])
         return replace(
             self,
@@ -120,13 +119,13 @@ def likeliest_pairs(
     count = known[0][1].shape[0]
     whole = np.hstack([known[0][1][:, : 1 + size], *(rows[:, 1 + size :] for _, rows in known)])
     turned: Floats = np.asarray(np.linalg.qr(whole, mode="r"), dtype=np.float64)
-    edges = np.cumsum([1 + size, *(term.basis.count for term, _ in known)])
+    places = places_of([term for term, _ in known], 1 + size)
 
     def judged(pair: tuple[int, int]) -> tuple[float, tuple[Term, Term]]:
         if stop():
             raise Cancelled
         both = (known[pair[0]][0], known[pair[1]][0])
-        rows = np.hstack([turned[:, : 1 + size], *(turned[:, edges[k] : edges[k + 1]] for k in pair)])
+        rows = np.hstack([turned[:, : 1 + size], *(turned[:, places[k]] for k in pair)])
         by, _, freedom = penalised_step(rows, size, both, samples=count)
         rest = rows[:, 0] - rows[:, 1:] @ by
         return count * math.log(float(rest @ rest)) + freedom * math.log(count), both
@@ -274,12 +273,8 @@ def _downhill(problem: Problem, here: _SearchPoint, damping: float) -> _StepResu
 
 
 def _moved(terms: tuple[Term, ...], by: Floats) -> tuple[Term, ...]:
-    out, at = [], 0
-    for term in terms:
-        count = term.basis.count
-        out.append(replace(term, coefficients=term.coefficients + by[at : at + count]))
-        at += count
-    return tuple(out)
+    each = zip(terms, places_of(terms), strict=True)
+    return tuple(replace(term, coefficients=term.coefficients + by[part]) for term, part in each)
 
 
 def _whitened(problem: Problem, columns: Sequence[Floats]) -> Floats:

@@ -4,6 +4,7 @@ The derivatives by a curve's coefficients are the responses of the linearised pa
 and starts are the solver's own.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -40,6 +41,12 @@ class Term:
     def curve(self) -> Curve:
         """Get the law's curve."""
         return self.basis.curve(self.coefficients)
+
+
+def places_of(terms: Sequence[Term], first: int = 0) -> list[slice]:
+    """Return where each law's coefficients lie in a vector that holds them all in order, from index ``first`` on."""
+    edges = np.cumsum([first, *(term.basis.count for term in terms)])
+    return [slice(begin, end) for begin, end in itertools.pairwise(edges)]
 
 
 @dataclass(frozen=True)

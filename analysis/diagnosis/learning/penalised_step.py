@@ -4,11 +4,11 @@ Patterson and Thompson, Biometrika 58 (1971) 545; Wood, J. R. Stat. Soc. B 73 (2
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from analysis.diagnosis.learning.curve_motion import Term
+from analysis.diagnosis.learning.curve_motion import Term, places_of
 from analysis.inference import damped_step
 from analysis.shot import Floats
 
@@ -29,7 +29,8 @@ def penalised_step(
     now = np.concatenate([term.coefficients for term in terms])
     target = left + free @ now
     scale = np.linalg.norm(fixed, axis=0)
-    basis, _ = np.linalg.qr(fixed / np.where(scale > 0, scale, 1.0))
+    scale = np.where(scale > 0, scale, 1.0)
+    basis, _ = np.linalg.qr(fixed / scale)
     target_in = target - basis @ (basis.T @ target)
     free_in = free - basis @ (basis.T @ free)
     a, b, s = free_in.T @ free_in, free_in.T @ target_in, float(target_in @ target_in)
@@ -37,9 +38,7 @@ def penalised_step(
     total = a + penalty
     freedom = float(np.trace(np.linalg.solve(total, a)))
     rest = left - free @ (solution - now)
-    own = np.linalg.lstsq(fixed / np.where(scale > 0, scale, 1.0), rest, rcond=1e-12)[0] / np.where(
-        scale > 0, scale, 1.0
-    )
+    own = np.linalg.lstsq(fixed / scale, rest, rcond=1e-12)[0] / scale
     return np.concatenate([own, solution - now]), penalty, freedom
 
 
@@ -55,31 +54,25 @@ def damped(rows: Floats, terms: Sequence[Term], penalty: Floats, damping: float)
 
 
 def _smoothing(a: Floats, b: Floats, s: float, free_samples: int, terms: Sequence[Term]) -> tuple[Floats, Floats]:
-    sizes = [term.basis.count for term in terms]
-    edges = np.concatenate([[0], np.cumsum(sizes)])
-    logs = [0.0] * len(terms)
-    shapes = []
-    for k, term in enumerate(terms):
-        part = slice(edges[k], edges[k + 1])
+    shapes = []  # of each curve's smoothing, in the place of its coefficients
+    for term, part in zip(terms, places_of(terms), strict=True):
         rough = term.basis.roughness
-        shapes.append(rough * (np.trace(a[part, part]) / max(np.trace(rough), 1e-300)))
+        shape = np.zeros_like(a)
+        shape[part, part] = rough * (np.trace(a[part, part]) / max(np.trace(rough), 1e-300))
+        shapes.append(shape)
+    logs = [0.0] * len(terms)
 
-    def whole(powers: Sequence[float]) -> Floats:
-        out = np.zeros_like(a)
-        for k, power in enumerate(powers):
-            part = slice(edges[k], edges[k + 1])
-            out[part, part] = math.exp(power) * shapes[k]
-        return out
+    def smoothing_of(curves: Iterable[int]) -> Floats:
+        return sum((math.exp(logs[k]) * shapes[k] for k in curves), np.zeros_like(a))
 
+    every = range(len(terms))
     ridge = _RIDGE * np.diag(np.diag(a)) + 1e-300 * np.eye(a.shape[0])
     for _ in range(1 if len(terms) == 1 else 3):
-        for k, size in enumerate(sizes):
-            alone = np.zeros_like(a)
-            alone[edges[k] : edges[k + 1], edges[k] : edges[k + 1]] = shapes[k]
-            others = a + ridge + whole([-math.inf if i == k else log for i, log in enumerate(logs)])
-            value = (size - 2) * _GRID / 2 + _likelihoods(others, alone, b, s, free_samples)
+        for k, term in enumerate(terms):
+            others = a + ridge + smoothing_of(other for other in every if other != k)
+            value = (term.basis.count - 2) * _GRID / 2 + _likelihoods(others, shapes[k], b, s, free_samples)
             logs[k] = float(_GRID[int(np.argmax(value))])
-    penalty = whole(logs) + ridge
+    penalty = smoothing_of(every) + ridge
     return penalty, np.asarray(np.linalg.solve(a + penalty, b), dtype=np.float64)
 
 

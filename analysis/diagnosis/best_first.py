@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
-from analysis.diagnosis.explanation import Explanation, explain_with_effects, explain_with_laws
+from analysis.diagnosis.explanation import Explanation, explain_with_effects
+from analysis.diagnosis.learning.laws_outside_catalogue import explain_with_laws
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.search.full_rate import at_full_rate
@@ -173,7 +174,7 @@ class BestFirst:
         if branch is self._in_building and self._search.likelier_without_frame_motion(found.fitted):
             return
         if at_full_rate(branch.searched.best, branch.searched.trail, self._question.motions) is None:
-            self._answer = explain_with_laws(self._question, self._without_effects(branch), law)
+            self._answer = explain_with_laws(self._without_effects(branch), law)
 
     def _name(self, branch: Branch) -> None:
         """Name the effects that pass their gates; interferometer ripple is tested at the record's own sample rate."""
@@ -196,7 +197,7 @@ class BestFirst:
             branch.searched = branch.searched.to_convergence()
             self._name(branch)
         assert branch.named is not None
-        self._answer = explain_with_laws(self._question, branch.named, branch.law)
+        self._answer = explain_with_laws(branch.named, branch.law)
 
     def _complete_where_it_may_win(self, branch: Branch, beat: float) -> None:
         """Complete the less likely branch, naming effects only if its BIC may fall below ``beat``."""
@@ -205,7 +206,7 @@ class BestFirst:
         else:
             branch.named = self._without_effects(branch)
         assert branch.named is not None
-        branch.complete = explain_with_laws(self._question, branch.named, branch.law, beat=beat)
+        branch.complete = explain_with_laws(branch.named, branch.law, beat=beat)
 
     def _without_effects(self, branch: Branch) -> Explanation:
         """Return the explanation of a branch with no catalogue effect named."""

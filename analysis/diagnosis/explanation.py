@@ -1,26 +1,21 @@
-"""Explain the shots: name effects in addition to the base model, learn laws, and describe the residual."""
+"""Explain the shots: name effects in addition to the base model, and describe the residual."""
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from analysis.collision import Effect
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
-from analysis.diagnosis.learning.laws_outside_catalogue import beyond_catalogue, learn_laws_given_effects
-from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.search.competing_models import separations_of
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.search.scale_maxima import at_other_scales, with_std_over
 from analysis.diagnosis.verdict.acceptance import GatedFit, accepted_effects, exceeds_residual
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.verdict.cross_validation import Predictions, predict
 from analysis.diagnosis.verdict.identifiability import Separation, missed_without
 from analysis.diagnosis.verdict.indistinguishable import indistinguishable_effects
 from analysis.diagnosis.verdict.residual import Residual, remainder_of, residual_of
 from analysis.inference import Fitted, Linearised, effect_parameters, with_profile_std
 from analysis.shot import Quantity
-
-Predictions = tuple[Prediction, Prediction]  # of the validation shots: by the model before, by the model after
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,43 +88,11 @@ def explain_with_effects(
         linearised=linearised,
         after=sure if effects else trail.start,
         effects=tuple(effects),
-        remainder=_remainder(best, residual) if named else _imitated(best, trail, residual),
+        remainder=remainder(best, residual) if named else _imitated(best, trail, residual),
         held_out=held_out,
         predictions=predictions,
         imitations=() if named else tuple(found),
     )
-
-
-def explain_with_laws(
-    question: DiagnosisInput, known: Explanation, law: SingleLaw, *, beat: float = math.inf
-) -> Explanation:
-    """Learn laws where ``known`` leaves a residual; their BIC must be below ``beat``.
-
-    ``law`` is the single law that may replace all effects.
-    """
-    if known.explained:
-        return known
-    progress, stop, limit = question.progress, question.stop, question.limit
-    beyond = (
-        learn_laws_given_effects(known.nearest, known.effects, known.before, law.held, progress, stop, limit, beat=beat)
-        if known.effects
-        else beyond_catalogue(law, known.nearest, known.imitations, beat=beat)
-    )
-    if beyond is not None:
-        return replace(
-            known,
-            verdict=beyond.verdict,
-            after=beyond.fitted,
-            effects=tuple(beyond.effects),
-            laws=beyond.laws,
-            imitations=tuple(beyond.imitations),
-            remainder=_remainder(beyond.fitted, beyond.residual),
-            held_out=law.held,
-            predictions=beyond.predictions,
-        )
-    if not known.effects and known.predictions is not None and known.nearest is not known.before:
-        return replace(known, predictions=(known.predictions[0], known.predictions[0]))
-    return known
 
 
 def _found(
@@ -153,7 +116,7 @@ def _found(
     return FoundEffect(effect, parameters, evidence, others)
 
 
-def _remainder(fitted: Fitted, residual: Residual) -> Remainder | None:
+def remainder(fitted: Fitted, residual: Residual) -> Remainder | None:
     """Describe a fit's residual; None where it is noise."""
     return remainder_of(fitted, residual.misfit) if residual.significant else None
 
@@ -161,4 +124,4 @@ def _remainder(fitted: Fitted, residual: Residual) -> Remainder | None:
 def _imitated(best: Fitted, trail: Trail, residual: Residual) -> Remainder | None:
     """Describe the residual of the model before, with the effects that imitate it but did not pass every gate."""
     imitating = trail.added(best)
-    return remainder_of(trail.start, residual.misfit, imitating) if imitating else _remainder(best, residual)
+    return remainder_of(trail.start, residual.misfit, imitating) if imitating else remainder(best, residual)

@@ -24,7 +24,7 @@ from analysis.diagnosis.learning.form_fits import fit_forms, refit_resolving_kin
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned
 from analysis.diagnosis.result import LearnedLaw
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
-from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.verdict.cross_validation import Predictions, predict
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted, with_frame_relinearised
 from analysis.shot import Cancelled, Progress, Stop
@@ -51,7 +51,7 @@ class Discovery:
     laws: tuple[LearnedLaw, ...]
     fitted: Fitted
     residual: Residual
-    predictions: tuple[Prediction, Prediction]  # without the laws and with them
+    predictions: Predictions  # without the laws and with them
 
     @property
     def explains(self) -> bool:
@@ -98,7 +98,7 @@ def learn_law(
     for place, learned in enumerate(curves[:FOLLOWED]):
         if fits and learned.least_form_bic > min(one.bic for one in fits) + CRITERIA.form_excluded:
             continue
-        tell(f"fitting closed forms to the curve of {_argument(learned).name}", 0.84 + 0.03 * place)
+        tell(f"fitting closed forms to the curve of {learned.terms[-1].argument.name}", 0.84 + 0.03 * place)
         forms = likely_forms(learned, FORMS_FITTED)
         near = [form for form in forms if form.distance <= _NEAR * forms[0].distance + _NEAR_NORMS]
         met = _refined(start, learned, near, fits, stop)
@@ -132,10 +132,6 @@ def arguments_of(start: Fitted) -> list[Argument]:
 def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:
     """Return whether a closed form is nearly as likely as the best free curve (``form_meets``)."""
     return one.bic < min(curve.bic for curve in curves) + CRITERIA.form_meets
-
-
-def _argument(learned: Learned) -> Argument:
-    return learned.terms[-1].argument
 
 
 def rough_curves(

@@ -2,65 +2,58 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
+from analysis.diagnosis.explanation import Explanation, remainder
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import in_joint_fit
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.learning.two_laws import learn_laws, learn_second_law
 from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
-from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.acceptance import conclude
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.verdict.cross_validation import Prediction, Predictions, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted, Linearised, effect_parameters
-from analysis.shot import Progress, Quantity, Stop
+from analysis.shot import Quantity, Stop
 
 
-@dataclass(frozen=True, slots=True)
-class LawExplanation:
-    """Laws jointly with effects, or effects that only predict better, and the fit that contains them.
+def explain_with_laws(known: Explanation, law: SingleLaw, *, beat: float = math.inf) -> Explanation:
+    """Learn laws where ``known`` leaves a residual; their BIC must be below ``beat``.
 
-    ``imitations`` are effects of that fit which did not pass every gate.  ``predictions`` are of the validation shots,
-    by the model before and by this fit.
+    ``law`` is the single law that may replace all effects.
     """
+    if known.explained:
+        return known
+    beyond = (laws_given_effects if known.effects else beyond_catalogue)(known, law, beat)
+    if beyond is not None:
+        return beyond
+    if not known.effects and known.predictions is not None and known.nearest is not known.before:
+        return replace(known, predictions=(known.predictions[0], known.predictions[0]))
+    return known
 
-    fitted: Fitted
-    verdict: Verdict
-    effects: list[FoundEffect]
-    laws: tuple[LearnedLaw, ...]
-    predictions: tuple[Prediction, Prediction]
-    residual: Residual
-    imitations: Sequence[FoundEffect] = ()
 
-
-def beyond_catalogue(
-    alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], *, beat: float = math.inf
-) -> LawExplanation | None:
+def beyond_catalogue(known: Explanation, alone: SingleLaw, beat: float) -> Explanation | None:
     """Return the likeliest laws or effects that predict the validation shots better, or None where there are none.
 
-    ``nearest`` is the fit with the ``effects`` of the catalogue that came nearest.  Tried in turn, until one explains
-    all: the law ``alone``, two laws, a law jointly with those effects.  Two laws jointly with doubtful effects are not
-    tried: so much freedom imitates nearly anything, and takes as long as all earlier steps.  ``beat`` is the BIC that
-    laws must come below (``law_learning``).
+    Tried in turn, until one explains all: the law ``alone``, two laws, a law jointly with the effects of the catalogue
+    that came nearest.  Two laws jointly with doubtful effects are not tried: so much freedom imitates nearly anything,
+    and takes as long as all earlier steps.  ``beat`` is the BIC that laws must come below (``law_learning``).
     """
     found = []
-    for one in _in_turn(alone, nearest, effects, beat):
+    for one in _in_turn(known, alone, beat):
         if one.verdict is Verdict.LAW_LEARNED:
             return one
         found.append(one)
-    return min(found, key=lambda one: one.fitted.bic, default=None)
+    return min(found, key=lambda one: one.bic, default=None)
 
 
-def _in_turn(
-    alone: SingleLaw, nearest: Fitted, effects: Sequence[FoundEffect], beat: float
-) -> Iterator[LawExplanation]:
-    before, held, tell, stop, limit = alone.start, alone.held, alone.tell, alone.stop, alone.limit
-    helped = _helps(before, nearest, held, stop)
+def _in_turn(known: Explanation, alone: SingleLaw, beat: float) -> Iterator[Explanation]:
+    nearest, held, tell, limit = known.nearest, alone.held, alone.tell, alone.limit
+    helped = _helps(alone.start, nearest, held, alone.stop)
     instead = beat
     if helped is not None:
         rest = residual_of(nearest, nearest.linearise())
@@ -72,62 +65,64 @@ def _in_turn(
             another = partial(learn_second_law, first, held, tell, limit, beat=instead)
             first = limit.within("a second law", another, first)
         if first.fitted.bic < instead:
-            yield _alone(first)
+            verdict = conclude(explained=first.explains, effects=(), laws=first.laws)
+            yield _explained(known, held, verdict, first.fitted, first.residual, first.predictions, laws=first.laws)
     if helped is None:
         return
     tell("learning a law beside the effects that came nearest", 0.83)
     what = "a law beside the effects that came nearest"
     joined = limit.within(what, lambda: learn_law(nearest, held, tell, limit, beat=beat), None)
     if joined is not None:
-        yield _together(joined, effects, helped[0], held, stop, passed=False)
+        yield _together(known, alone, joined, helped[0])
     verdict = conclude(explained=False, effects=(), predicts_better=True)
-    yield LawExplanation(nearest, verdict, [], (), helped, rest, tuple(effects))
+    yield _explained(known, held, verdict, nearest, rest, helped, imitations=known.imitations)
 
 
-def learn_laws_given_effects(
-    named: Fitted,
-    effects: Sequence[FoundEffect],
-    before: Fitted,
-    held: tuple[int, ...],
-    tell: Progress,
-    stop: Stop,
-    limit: Limit,
-    *,
-    beat: float = math.inf,
-) -> LawExplanation | None:
-    """Learn laws jointly with ``effects`` that passed every test and left a residual; None where there are none.
-
-    ``named`` is the fit with those effects, ``before`` that of the base model.
-    """
-    tell("learning a law beside the effects that were found", 0.8)
+def laws_given_effects(known: Explanation, law: SingleLaw, beat: float) -> Explanation | None:
+    """Learn laws jointly with effects that passed every test and left a residual; None where there are none."""
+    law.tell("learning a law beside the effects that were found", 0.8)
     what = "a law beside the effects that were found"
-    found = limit.within(what, lambda: learn_laws(named, held, tell, limit, beat=beat), None)
+    named, held = known.nearest, law.held
+    found = law.limit.within(what, lambda: learn_laws(named, held, law.tell, law.limit, beat=beat), None)
     if found is None:
         return None
-    base = predict(before, held, named.noise, stop) or found.predictions[0]
-    return _together(found, effects, base, held, stop, passed=True)
+    return _together(known, law, found, predict(known.before, held, named.noise, law.stop) or found.predictions[0])
 
 
-def _alone(found: Discovery) -> LawExplanation:
-    verdict = conclude(explained=found.explains, effects=(), laws=found.laws)
-    return LawExplanation(found.fitted, verdict, [], found.laws, found.predictions, found.residual)
-
-
-def _together(
-    found: Discovery,
-    effects: Sequence[FoundEffect],
-    base: Prediction,
+def _explained(
+    known: Explanation,
     held: tuple[int, ...],
-    stop: Stop,
+    verdict: Verdict,
+    fitted: Fitted,
+    rest: Residual,
+    predictions: Predictions,
     *,
-    passed: bool,
-) -> LawExplanation:
+    effects: Sequence[FoundEffect] = (),
+    laws: tuple[LearnedLaw, ...] = (),
+    imitations: Sequence[FoundEffect] = (),
+) -> Explanation:
+    """Return the explanation by the fit ``fitted``, which leaves ``rest``, of shots that ``known`` does not explain."""
+    return replace(
+        known,
+        verdict=verdict,
+        after=fitted,
+        effects=tuple(effects),
+        laws=laws,
+        imitations=tuple(imitations),
+        remainder=remainder(fitted, rest),
+        held_out=held,
+        predictions=predictions,
+    )
+
+
+def _together(known: Explanation, law: SingleLaw, found: Discovery, base: Prediction) -> Explanation:
     """Return laws and effects with the parameters of their joint fit, not of the fit before the law was found.
 
-    An effect that only imitated the law no longer pays given the law, and is removed.  Effects that had not ``passed``
+    An effect that only imitated the law no longer pays given the law, and is removed.  Effects that had not passed
     their gates without the law count as passing where no residual remains, and as imitations where one does.
     """
-    fitted, kept = found.fitted, list(effects)
+    held, stop = law.held, law.stop
+    fitted, kept = found.fitted, list(known.effects or known.imitations)
     while True:
         fewer = {one.effect: without_effect(fitted, one.effect, stop) for one in kept}
         idle = min(fewer, key=lambda one: _worth(fitted, fewer[one]), default=None)
@@ -143,9 +138,9 @@ def _together(
     laws = tuple(in_joint_fit(law, fitted, law.form is not None) for law in found.laws)
     parameters = effect_parameters(fitted)
     anew = [_anew(one, parameters[one.effect], fitted, at, fewer[one.effect]) for one in kept]
-    named, imitations = (anew, []) if passed or explains else ([], anew)
+    named, imitations = (anew, []) if known.effects or explains else ([], anew)
     verdict = conclude(explained=explains, effects=named, laws=laws)
-    return LawExplanation(fitted, verdict, named, laws, (base, told), rest, imitations)
+    return _explained(known, held, verdict, fitted, rest, (base, told), effects=named, laws=laws, imitations=imitations)
 
 
 def _worth(fitted: Fitted, fewer: Fitted | None) -> float:
@@ -163,7 +158,7 @@ def _anew(
     return replace(found, parameters=parameters, evidence=evidence)
 
 
-def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> tuple[Prediction, Prediction] | None:
+def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> Predictions | None:
     """Return the predictions without and with the effects that came nearest; None where the effects do not help."""
     if nearest is before or not held or not nearest.converged:
         return None

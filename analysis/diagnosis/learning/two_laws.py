@@ -29,7 +29,7 @@ from analysis.diagnosis.learning.law_learning import (
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned, in_joint_fit
 from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
-from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.verdict.cross_validation import Predictions, predict
 from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference import Fitted
 from analysis.shot import Progress, Stop
@@ -148,7 +148,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
 
 def _judged(
     start: Fitted, fitted: Fitted, held: tuple[int, ...], stop: Stop
-) -> tuple[list[Fitted | None], tuple[Prediction, Prediction]] | None:
+) -> tuple[list[Fitted | None], Predictions] | None:
     """Return the fits without the first and without the second of two laws, and the predictions without and with both.
 
     None where the shots are nearly as likely without one of them, or where both jointly do not predict better.

@@ -25,13 +25,11 @@ from analysis.diagnosis.search.forward_selection import (
 )
 from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.verdict.cross_validation import Predictions, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted, Linearised
 from analysis.shot import Progress
-
-Predictions = tuple[Prediction, Prediction]  # of the validation shots: by the model before, by the fit
 
 
 def without_unpredictive_effects(

@@ -53,6 +53,9 @@ class Prediction:
         return self.predicts_better(before) and before.minus_2_ln_likelihood - self.minus_2_ln_likelihood > scatter
 
 
+Predictions = tuple[Prediction, Prediction]  # of the validation shots: by the model before, by the model after
+
+
 def choose(data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
     """Return the validation shots, held out one at a time: slowest, a middle one, fastest; of two shots the slower.
 

@@ -258,7 +258,7 @@ def test_one_law_takes_the_place_of_effects_where_nothing_speaks_against_it(
         pair.trail = None
     given._try_one_law_instead(trial, building)
     taken = changed in ("", "pairs") or (changed == "site" and place == "rest")
-    assert given._answer == ((given._question, ("without effects", trial), law) if taken else None)
+    assert given._answer == ((("without effects", trial), law) if taken else None)
     assert trial.law_was_tried and asked[0] == (searched.best, "catalogue")
     assert building.searched is (pair if changed == "pairs" else searched)
     assert (building.named is None) is (changed == "pairs")
@@ -309,18 +309,18 @@ def test_a_branch_is_completed_from_what_is_named_and_only_where_it_may_win(monk
     first: Any = one.searched
     first.to_convergence = lambda: ended
     given._complete(one)
-    assert given._answer == (given._question, ("named", ended), one.law, {})
+    assert given._answer == (("named", ended), one.law, {})
     one.named = UNEXPLAINED
     given._complete(one)
-    assert given._answer == (given._question, UNEXPLAINED, one.law, {})
+    assert given._answer == (UNEXPLAINED, one.law, {})
     # from 100 to 60: one round more leads to 20
     given._complete_where_it_may_win(one := branch(60.0), 20.1)
     assert one.named == ("named", one.searched)
-    assert one.complete == (given._question, one.named, one.law, {"beat": 20.1})
+    assert one.complete == (one.named, one.law, {"beat": 20.1})
     given._complete_where_it_may_win(one := branch(60.0), 19.9)
     trail = one.searched.trail
     bare = (trail.start, ("linear", trail.start))
     assert one.named == (given._question, trail, bare, "held by law")
-    assert one.complete == (given._question, one.named, one.law, {"beat": 19.9})
+    assert one.complete == (one.named, one.law, {"beat": 19.9})
     given._search_on(one := SimpleNamespace(searched=first))
     assert one.searched is ended

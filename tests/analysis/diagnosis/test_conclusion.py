@@ -1,6 +1,7 @@
 """The verdict of collisions and drives alike: one function, and nowhere else in the analysis."""
 
 import ast
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -99,7 +100,10 @@ def test_effects_that_passed_no_gate_are_named_beside_a_law_only_where_nothing_r
         monkeypatch.setattr(beyond, name, made)
     rest = SimpleNamespace(significant=remains)
     found = SimpleNamespace(fitted=fit, predictions=(None, None), residual=rest, explains=not remains, laws=(_Law(),))
-    joined = beyond._together(cast(Any, found), [EFFECT], cast(Any, None), (), lambda: False, passed=passed)
+    monkeypatch.setattr(beyond, "_explained", lambda *of, **more: SimpleNamespace(verdict=of[2], **more))
+    known = SimpleNamespace(effects=[EFFECT] if passed else [], imitations=[EFFECT])
+    law = SimpleNamespace(held=(), stop=lambda: False)
+    joined = beyond._together(cast(Any, known), cast(Any, law), cast(Any, found), cast(Any, None))
     assert (len(joined.effects), len(joined.imitations)) == (named, imitating)
     assert joined.verdict is (Verdict.PARTLY_EXPLAINED if remains else Verdict.LAW_LEARNED)
 
@@ -132,14 +136,23 @@ def test_what_explains_all_first_is_told_and_else_the_likeliest(
     def found(what: str, verdict: Verdict | None) -> Any:
         explains = verdict is Verdict.LAW_LEARNED
         fitted = SimpleNamespace(bic=likeliest[what], what=what, linearise=lambda: None)
-        return SimpleNamespace(verdict=verdict, explains=explains, fitted=fitted) if verdict else None
+        return (
+            SimpleNamespace(
+                verdict=verdict, bic=fitted.bic, explains=explains, fitted=fitted, after=fitted, laws=[_Law()],
+                residual=None, predictions=None,
+            )
+            if verdict
+            else None
+        )  # fmt: skip
 
     nearest = SimpleNamespace(bic=likeliest["effects"], what="effects", linearise=lambda: None)
     for name, made in {
         "learn_second_law": lambda *_, **__: found("with a second", with_second),
         "learn_law": lambda *_, **__: found("joined", joined),
-        "_alone": lambda one: one,
-        "_together": lambda one, *_, **__: one,
+        "_explained": lambda known, held, verdict, fitted, *_, **__: SimpleNamespace(
+            verdict=verdict, bic=fitted.bic, after=fitted
+        ),
+        "_together": lambda known, law, one, base: one,
         "_helps": lambda *_: (None, None),
         "residual_of": lambda *_: SimpleNamespace(faint=faint),
     }.items():
@@ -153,8 +166,9 @@ def test_what_explains_all_first_is_told_and_else_the_likeliest(
         one_or_two_laws_may_beat=lambda _beat: True,
         found=found("alone", alone),
     )
-    one = beyond.beyond_catalogue(cast(Any, law), cast(Any, nearest), [])
-    assert one is not None and cast(Any, one.fitted).what == told
+    known = SimpleNamespace(nearest=nearest, imitations=[])
+    one = beyond.beyond_catalogue(cast(Any, known), cast(Any, law), math.inf)
+    assert one is not None and cast(Any, one.after).what == told
 
 
 def test_what_merely_imitates_the_remainder_has_numbers_without_uncertainties() -> None:

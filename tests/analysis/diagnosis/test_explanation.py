@@ -1,6 +1,5 @@
 """Which effects and laws an explanation names and what it says remains, over fits and gates that are given."""
 
-import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -151,65 +150,6 @@ def test_where_nothing_is_left_or_nothing_can_be_taken_out_doubt_changes_nothing
     assert stuck.explained().nearest is stuck.best
     refused = Stage(monkeypatch, Fit(DRAG, TILT), left=(2,), named=False)
     assert refused.explained().nearest is refused.best
-
-
-def known_of(verdict: Verdict, nearest: Any, effects: Any = (), predictions: Any = ("p0", "p1")) -> Any:
-    trail: Any = SimpleNamespace(start=Fit())
-    return Explanation(
-        verdict, trail, nearest or trail.start, "at", "after", effects, "left", (1,), predictions, (), ("imitates",)  # type: ignore[arg-type]
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize("effects", [(), ("effect",)])
-@pytest.mark.parametrize("significant", [True, False])
-def test_laws_are_learned_beside_what_is_named_or_beside_what_only_imitates(
-    effects: tuple[Any, ...], significant: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    residual = SimpleNamespace(significant=significant, misfit="misfit")
-    beyond = SimpleNamespace(
-        verdict=Verdict.LAW_LEARNED, fitted="fitted", effects=["e"], laws=("law",), imitations=["i"], residual=residual,
-        predictions=("q0", "q1"),
-    )  # fmt: skip
-    asked: list[Any] = []
-    monkeypatch.setattr(
-        module, "learn_laws_given_effects", lambda *given, beat: asked.append(("beside", *given, beat)) or beyond
-    )
-    monkeypatch.setattr(
-        module, "beyond_catalogue", lambda *given, beat: asked.append(("beyond", *given, beat)) or beyond
-    )
-    monkeypatch.setattr(module, "remainder_of", lambda *given: ("remainder", *given))
-    question: Any = SimpleNamespace(progress="tell", stop="stop", limit="limit")
-    law: Any = SimpleNamespace(held=(7,))
-    known = known_of(Verdict.PARTLY_EXPLAINED if effects else Verdict.UNEXPLAINED, Fit(DRAG), effects)
-    made: Any = module.explain_with_laws(question, known, law, beat=3.0)
-    if effects:
-        assert asked == [("beside", known.nearest, effects, known.before, (7,), "tell", "stop", "limit", 3.0)]
-    else:
-        assert asked == [("beyond", law, known.nearest, ("imitates",), 3.0)]
-    assert (made.verdict, made.after, made.effects, made.laws) == (Verdict.LAW_LEARNED, "fitted", ("e",), ("law",))
-    assert (made.imitations, made.held_out, made.predictions) == (("i",), (7,), ("q0", "q1"))
-    assert made.remainder == (("remainder", "fitted", "misfit") if significant else None)
-    assert (made.trail, made.nearest, made.linearised) == (known.trail, known.nearest, known.linearised)
-    asked.clear()
-    assert module.explain_with_laws(question, known, law) and asked[0][-1] == math.inf
-    for verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
-        explained = known_of(verdict, None)
-        asked.clear()
-        assert module.explain_with_laws(question, explained, law) is explained and not asked
-
-
-def test_without_a_law_what_only_imitates_is_not_told_to_predict(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "learn_laws_given_effects", lambda *_, beat: None)
-    monkeypatch.setattr(module, "beyond_catalogue", lambda *_, beat: None)
-    question: Any = SimpleNamespace(progress="tell", stop="stop", limit="limit")
-    law: Any = SimpleNamespace(held=(7,))
-    imitated = known_of(Verdict.UNEXPLAINED, Fit(DRAG))
-    assert module.explain_with_laws(question, imitated, law).predictions == ("p0", "p0")  # type: ignore[comparison-overlap]
-    for known in (
-        known_of(Verdict.UNEXPLAINED, None), known_of(Verdict.PARTLY_EXPLAINED, Fit(DRAG), ("effect",)),
-        known_of(Verdict.UNEXPLAINED, Fit(DRAG), predictions=None),
-    ):  # fmt: skip
-        assert module.explain_with_laws(question, known, law) is known
 
 
 def test_the_evidence_of_an_effect_is_complete(monkeypatch: pytest.MonkeyPatch) -> None:

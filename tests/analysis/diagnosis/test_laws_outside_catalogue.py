@@ -9,6 +9,8 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.collision.effects import effects_named
+from analysis.diagnosis import explanation
+from analysis.diagnosis.explanation import Explanation
 from analysis.diagnosis.learning import law_learning
 from analysis.diagnosis.learning import laws_outside_catalogue as module
 from analysis.diagnosis.result import FoundEffect, Verdict
@@ -47,8 +49,61 @@ def test_effects_that_predict_better_help() -> None:
         assert helps(SimpleNamespace(name=name, noise="its", converged=converged)) is None
 
 
+def known_of(
+    verdict: Verdict, nearest: Any, effects: Any = (), predictions: Any = ("p0", "p1"), imitations: Any = ("imitates",)
+) -> Any:
+    trail: Any = SimpleNamespace(start=SimpleNamespace(name="before"))
+    return Explanation(
+        verdict, trail, nearest or trail.start, "at", "after", effects, "left", (1,), predictions, (), imitations  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("effects", [(), ("effect",)])
+def test_laws_are_learned_beside_what_is_named_or_beside_what_only_imitates(
+    effects: tuple[Any, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[Any] = []
+    monkeypatch.setattr(module, "laws_given_effects", lambda *given: asked.append(("beside", *given)) or "found")
+    monkeypatch.setattr(module, "beyond_catalogue", lambda *given: asked.append(("beyond", *given)) or "found")
+    known = known_of(Verdict.PARTLY_EXPLAINED if effects else Verdict.UNEXPLAINED, "nearest", effects)
+    law: Any = "law"
+    made: Any = module.explain_with_laws(known, law, beat=3.0)
+    assert made == "found" and asked == [("beside" if effects else "beyond", known, "law", 3.0)]
+    assert module.explain_with_laws(known, law) and asked[1][-1] == math.inf
+    asked.clear()
+    for verdict in (Verdict.ADEQUATE, Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
+        explained = known_of(verdict, None)
+        assert module.explain_with_laws(explained, law) is explained and not asked
+
+
+def test_without_a_law_what_only_imitates_is_not_told_to_predict(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "laws_given_effects", lambda *_: None)
+    monkeypatch.setattr(module, "beyond_catalogue", lambda *_: None)
+    law: Any = "law"
+    imitated = known_of(Verdict.UNEXPLAINED, "nearest")
+    assert module.explain_with_laws(imitated, law).predictions == ("p0", "p0")  # type: ignore[comparison-overlap]
+    for known in (
+        known_of(Verdict.UNEXPLAINED, None), known_of(Verdict.PARTLY_EXPLAINED, "nearest", ("effect",)),
+        known_of(Verdict.UNEXPLAINED, "nearest", predictions=None),
+    ):  # fmt: skip
+        assert module.explain_with_laws(known, law) is known
+
+
+@pytest.mark.parametrize("significant", [True, False])
+def test_a_fit_with_laws_takes_the_place_of_the_model_after(significant: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(explanation, "remainder_of", lambda *given: ("remainder", *given))
+    known = known_of(Verdict.UNEXPLAINED, "nearest")
+    rest: Any = SimpleNamespace(significant=significant, misfit="misfit")
+    given: Any = (known, (7,), Verdict.LAW_LEARNED, "fitted", rest, ("q0", "q1"))
+    made: Any = module._explained(*given, effects=["e"], laws=("law",), imitations=["i"])  # type: ignore[arg-type, list-item]
+    assert (made.verdict, made.after, made.effects, made.laws) == (Verdict.LAW_LEARNED, "fitted", ("e",), ("law",))
+    assert (made.imitations, made.held_out, made.predictions) == (("i",), (7,), ("q0", "q1"))
+    assert made.remainder == (("remainder", "fitted", "misfit") if significant else None)
+    assert (made.trail, made.nearest, made.linearised) == (known.trail, known.nearest, known.linearised)
+
+
 def beyond(bic: float, verdict: Verdict) -> Any:
-    return SimpleNamespace(fitted=SimpleNamespace(bic=bic), verdict=verdict)
+    return SimpleNamespace(bic=bic, verdict=verdict)
 
 
 def test_the_first_that_explains_all_is_taken_else_the_likeliest(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,11 +118,11 @@ def test_the_first_that_explains_all_is_taken_else_the_likeliest(monkeypatch: py
     monkeypatch.setattr(module, "_in_turn", in_turn)
     none: Any = None
     tried = [beyond(5.0, partly), beyond(9.0, learned), beyond(1.0, learned)]
-    assert module.beyond_catalogue(none, none, ()) is tried[1] and made == tried[:2]
+    assert module.beyond_catalogue(none, none, 9.0) is tried[1] and made == tried[:2]
     tried = [beyond(5.0, partly), beyond(3.0, partly), beyond(4.0, partly)]
-    assert module.beyond_catalogue(none, none, ()) is tried[1]
+    assert module.beyond_catalogue(none, none, 9.0) is tried[1]
     tried = []
-    assert module.beyond_catalogue(none, none, ()) is None
+    assert module.beyond_catalogue(none, none, 9.0) is None
 
 
 @pytest.mark.parametrize("passed", [True, False])
@@ -106,16 +161,19 @@ def test_an_effect_that_no_longer_pays_beside_a_law_goes(
         fitted=Fit((DRAG, TILT)), predictions=("base", "told"), residual="before", explains=True, laws=laws
     )
     effects = [FoundEffect(DRAG, {}, {"snr": 50.0}), FoundEffect(TILT, {}, {"snr": 60.0, "other": 1.0})]
-    given: Any = (found, effects, "base", (3,), "stop")
-    made: Any = module._together(*given, passed=passed)
+    known = known_of(Verdict.UNEXPLAINED, "nearest", *((effects,) if passed else ()), imitations=effects)
+    law: Any = SimpleNamespace(held=(3,), stop="stop")
+    monkeypatch.setattr(module, "remainder", lambda *given: given)
+    base: Any = "base"
+    made: Any = module._together(known, law, found, base)
     kept = FoundEffect(TILT, {"angle_rad": Quantity(2.0, 1.0)}, {"snr": 6.0, "other": 1.0, "delta_bic": -30.0})
-    assert made.fitted.effects == (TILT,) and made.residual is rest
+    assert made.after.effects == (TILT,) and made.remainder == (made.after, rest)
     assert made.predictions == ("base", ((TILT,), (3,), "noise 1")) and made.laws == (("linear", True),)
     named = passed or explains
-    assert (made.effects, list(made.imitations)) == (([kept], []) if named else ([], [kept]))
+    assert (made.effects, made.imitations) == (((kept,), ()) if named else ((), (kept,)))
     assert made.verdict is (Verdict.LAW_LEARNED if explains else Verdict.PARTLY_EXPLAINED)
     monkeypatch.setattr(module, "predict", lambda *_: None)  # where the fit without drag foretells nothing
-    again: Any = module._together(*given, passed=passed)
+    again: Any = module._together(known, law, found, base)
     assert again.predictions == ("base", "told")
 
 
@@ -185,7 +243,7 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
             return work()
 
     limit, told, rest = Limit(), [], SimpleNamespace(significant=True, faint=faint)
-    first = SimpleNamespace(explains=explains, fitted=curve(-21.0))
+    first = SimpleNamespace(explains=explains, fitted=curve(-21.0), laws=(), residual=None, predictions=None)
     alone: Any = SimpleNamespace(
         start="start", held=(3,), tell=lambda *what: told.append(what), stop="stop", limit=limit, found=first,
         one_or_two_laws_may_beat=lambda beat: reach and beat == instead,
@@ -193,35 +251,40 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
     instead = min(8.0, nearest_bic + (0.0 if faint else 28.0)) if helped else 8.0
     nearest: Any = SimpleNamespace(linearise=lambda: "at", bic=nearest_bic)
     second_bic = -21.0
-    monkeypatch.setattr(
-        module, "learn_second_law", lambda *given, beat: SimpleNamespace(given=(*given, beat), fitted=curve(second_bic))
-    )
+    seconds: list[Any] = []
+
+    def second_law(*given: Any, beat: float) -> Any:
+        seconds.append((*given, beat))
+        return SimpleNamespace(**{**vars(first), "fitted": curve(second_bic)})
+
+    monkeypatch.setattr(module, "learn_second_law", second_law)
     monkeypatch.setattr(module, "learn_law", lambda *given, beat: ("law", *given, beat) if joined else None)
-    monkeypatch.setattr(module, "_alone", lambda found: ("alone", found))
+    monkeypatch.setattr(module, "conclude", lambda *, explained, **_: explained)
+    monkeypatch.setattr(module, "_explained", lambda *given, **more: ("explained", *given[1:], more))
     monkeypatch.setattr(module, "_helps", lambda *given: ("before", "told") if helped and given == helping else None)
-    monkeypatch.setattr(module, "_together", lambda *given, passed: ("together", *given, passed))
+    monkeypatch.setattr(module, "_together", lambda *given: ("together", *given))
     monkeypatch.setattr(module, "residual_of", lambda fitted, at: rest if (fitted, at) == (nearest, "at") else None)
     helping = ("start", nearest, (3,), "stop")
     tell = alone.tell
     expected: list[Any] = []
     if reach:
-        two = SimpleNamespace(given=(first, (3,), tell, limit, instead), fitted=curve(second_bic))
-        expected.append(("alone", first if explains else two))
+        expected.append(("explained", (3,), explains, curve(-21.0), None, None, {"laws": ()}))
+    known = known_of(Verdict.UNEXPLAINED, nearest, imitations=("effects",))
     if helped and joined:
         law = ("law", nearest, (3,), tell, limit, 8.0)
-        expected.append(("together", law, ["effects"], "before", (3,), "stop", False))
+        expected.append(("together", known, alone, law, "before"))
     if helped:
-        last = module.LawExplanation(nearest, Verdict.PARTLY_EXPLAINED, [], (), ("before", "told"), rest, ("effects",))  # type: ignore[arg-type]
+        last = ("explained", (3,), False, nearest, rest, ("before", "told"), {"imitations": ("effects",)})
         expected.append(last)
-    effects: Any = ["effects"]
-    assert list(module._in_turn(alone, nearest, effects, 8.0)) == expected
+    assert list(module._in_turn(known, alone, 8.0)) == expected
+    assert seconds == ([(first, (3,), tell, limit, instead)] if reach and not explains else [])
     second = ["a second law"] if reach and not explains else []
     assert asked == second + (["a law beside the effects that came nearest"] if helped else [])
     assert [what for what, _ in told] == (["learning a law beside the effects that came nearest"] if helped else [])
     first.fitted, second_bic = curve(instead), instead  # no better than they must be
-    assert list(module._in_turn(alone, nearest, effects, 8.0)) == expected[reach:]
+    assert list(module._in_turn(known, alone, 8.0)) == expected[reach:]
     alone.found = None
-    assert list(module._in_turn(alone, nearest, effects, 8.0)) == expected[reach:]
+    assert list(module._in_turn(known, alone, 8.0)) == expected[reach:]
 
 
 @pytest.mark.parametrize("foretold", [True, False])
@@ -229,11 +292,12 @@ def test_a_law_is_learned_beside_effects_that_passed(foretold: bool, monkeypatch
     limit: Any = SimpleNamespace(within=lambda what, work, otherwise: work())
     found: Any = SimpleNamespace(predictions=("p0", "p1"))
     monkeypatch.setattr(module, "learn_laws", lambda *given, beat: found if given == learning and beat == 8.0 else None)
-    monkeypatch.setattr(module, "_together", lambda *given, passed: (*given, passed))
+    monkeypatch.setattr(module, "_together", lambda *given: given)
     monkeypatch.setattr(module, "predict", lambda *given: given if foretold else None)
     named: Any = SimpleNamespace(noise="noise")
-    given: Any = (named, ["effects"], "before", (3,), lambda *what: None, "stop", limit)
-    learning = (named, (3,), given[4], limit)
-    base = ("before", (3,), "noise", "stop") if foretold else "p0"
-    assert module.learn_laws_given_effects(*given, beat=8.0) == (found, ["effects"], base, (3,), "stop", True)  # type: ignore[comparison-overlap]
-    assert module.learn_laws_given_effects(*given) is None
+    known = known_of(Verdict.PARTLY_EXPLAINED, named, ("effect",))
+    law: Any = SimpleNamespace(held=(3,), tell=lambda *what: None, stop="stop", limit=limit)
+    learning = (named, (3,), law.tell, limit)
+    base = (known.before, (3,), "noise", "stop") if foretold else "p0"
+    assert module.laws_given_effects(known, law, 8.0) == (known, law, found, base)  # type: ignore[comparison-overlap]
+    assert module.laws_given_effects(known, law, math.inf) is None

@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
 
-from analysis.collision import Effect, Infeasible
+from analysis.collision import CATALOGUE, WIDER, Effect, Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.search.wider_variants import contained_effects, wider_fits
 from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from analysis.inference import (
@@ -22,6 +21,7 @@ from analysis.inference import (
     distinct_starts,
     opposite,
     refit,
+    trial_effect,
     with_both_effects,
 )
 from analysis.shot import Cancelled, Stop
@@ -53,7 +53,6 @@ class Trail:
     last: Linearised | None = None  # of the last round
     # for each fit made by removing an effect: the BIC of the fit from which it was removed
     asked: dict[frozenset[Effect], float] = field(default_factory=dict)
-    widens: bool = True  # try the wider variant of an effect that was found
     limit: Limit | None = None
     beat: float = math.inf  # BIC of a likelier search: this search stops where it cannot come below
     compared: bool = False  # whether there was time to compare the effects of the catalogue
@@ -123,12 +122,11 @@ def forward_search(
     stop: Stop,
     *,
     most: int = CRITERIA.most_effects,
-    widens: bool = True,
     limit: Limit | None = None,
     beat: float = math.inf,
 ) -> tuple[Fitted, Trail]:
     """Search for at most ``most`` effects in addition to those of ``start``; return the best fit and the trail."""
-    trail = Trail(start, catalogue, stop, widens=widens, limit=limit, beat=beat)
+    trail = Trail(start, catalogue, stop, limit=limit, beat=beat)
     return add_effects(start, trail, most), trail
 
 
@@ -214,14 +212,45 @@ def _polished_first(best: Fitted, trail: Trail) -> Fitted:
     return min(ends, key=lambda fitted: fitted.bic)
 
 
+def contained_effects(effects: Iterable[Effect]) -> set[Effect]:
+    """Return the effects that these contain, which therefore cannot join in addition to them."""
+    return {CATALOGUE[effect.widens] for effect in effects if effect.widens}
+
+
 def replace_by_wider(here: Fitted, trail: Trail) -> Fitted:
-    """Return the fit with each effect replaced by its wider variant where that pays."""
-    for effect in trail.added(here) if trail.widens else []:
+    """Return the fit with each effect replaced by its wider variant where that pays.
+
+    A wider variant has the effect's parameters and one more: a frame that shakes the plate as well as the optics.
+    """
+    for effect in trail.added(here):
         for trial in wider_fits(here, effect, trail.stop):
             trail.keep(trial)
             if trail.pays(trial, here):
                 here = converge(trial, trail)
     return here
+
+
+def wider_fits(here: Fitted, effect: Effect, stop: Stop) -> list[Fitted]:
+    """Return the fits with one effect replaced by each of its wider variants, started at its parameters."""
+    rows = [row for row in WIDER.values() if row.widens == effect.key]
+    if here.problem.data.base.one_body:
+        rows = [row for row in rows if row.one_body]
+    found = [_widened(here, effect, trial_effect(row), stop) for row in rows]
+    return [fitted for fitted in found if fitted is not None]
+
+
+def _widened(here: Fitted, narrow: Effect, kind: TrialEffect, stop: Stop) -> Fitted | None:
+    effects = (kind if one.effect == narrow else one for one in here.problem.effects)
+    problem = here.problem.with_effects(effects, here.problem.without_effect(narrow).fixed)
+    effective = here.effective
+    values = tuple(
+        {key: given for key, given in of.items() if key != narrow} | {kind.effect: {**kind.starts[0], **of[narrow]}}
+        for of in effective.values
+    )
+    try:
+        return problem.fit(problem.pack_effective(Point(effective.base, effective.own, values)), cancelled=stop)
+    except Infeasible:
+        return None
 
 
 def better(fitted: Fitted, other: Fitted) -> bool:

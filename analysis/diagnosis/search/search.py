@@ -18,11 +18,11 @@ from analysis.diagnosis.search.forward_selection import (
     add_effects,
     best_untried_pair,
     better,
+    contained_effects,
     forward_search,
     nearly_as_likely,
 )
 from analysis.diagnosis.search.full_rate import with_frame_response_updated
-from analysis.diagnosis.search.wider_variants import contained_effects
 from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of

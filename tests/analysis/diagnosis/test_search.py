@@ -9,7 +9,7 @@ import pytest
 
 from analysis.collision import WIDER, Infeasible
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.search import search, wider_variants
+from analysis.diagnosis.search import forward_selection, search
 from analysis.diagnosis.search.search import Search, SearchResult
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Point
@@ -290,7 +290,7 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
 @pytest.mark.parametrize("feasible", [True, False])
 def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_body: bool, feasible: bool) -> None:
     (row,) = WIDER.values()
-    (narrow,) = wider_variants.contained_effects([row, TILT])
+    (narrow,) = forward_selection.contained_effects([row, TILT])
     kept = KINDS["tilt"]
     made: list[Any] = []
 
@@ -310,8 +310,8 @@ def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_b
         ),
         effective=Point("base", "own", ({TILT: {"angle_rad": 1.0}, narrow: {"frequency_hz": 77.0}},)),  # type: ignore[arg-type]
     )
-    found = wider_variants.wider_fits(here, narrow, "stop")  # type: ignore[arg-type]
-    assert wider_variants.wider_fits(here, TILT, "stop") == []  # type: ignore[arg-type]
+    found = forward_selection.wider_fits(here, narrow, "stop")  # type: ignore[arg-type]
+    assert forward_selection.wider_fits(here, TILT, "stop") == []  # type: ignore[arg-type]
     if one_body and not row.one_body:
         assert found == [] == made
         return

@@ -17,10 +17,6 @@ from analysis.shot import Floats, Stop
 _TRAINED = 25  # evaluations at most, started from the shared parameters of the fit of all shots
 
 
-def _beside_noise(difference: Floats) -> float:
-    return float(difference @ difference)
-
-
 @dataclass(frozen=True, slots=True)
 class Prediction:
     """Validation shots as predicted from the others: displacements on the motions' grids.
@@ -35,7 +31,7 @@ class Prediction:
     minus_2_ln_likelihood: float
     rms_m: float
     left: Floats
-    squared: Callable[[Floats], float] = _beside_noise
+    squared: Callable[[Floats], float]
 
     def predicts_better(self, other: "Prediction") -> bool:
         """Return whether this prediction is better: likelier, and with no larger rms error (``further_off``)."""
@@ -126,7 +122,7 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
             uncertainty.chi2(end.chi2, end.gradient) + uncertainty.log_volume + float(paid),
             float(np.sqrt(np.mean(off**2))),
             end.residual,
-            partial(_beside, uncertainty, end.pull),
+            partial(uncertainty.chi2_of, end.pull),
         )
     except (Infeasible, np.linalg.LinAlgError):
         return None
@@ -201,6 +197,6 @@ class _PredictionUncertainty:
         along = self.root.T @ gradient
         return float(plain - along @ np.linalg.solve(self.both, along))
 
-
-def _beside(uncertainty: _PredictionUncertainty, pull: Callable[[Floats], Floats], difference: Floats) -> float:
-    return uncertainty.chi2(float(difference @ difference), pull(difference))
+    def chi2_of(self, pull: Callable[[Floats], Floats], difference: Floats) -> float:
+        """Return chi^2 of a ``difference`` in units of the noise; ``pull`` gives its gradient."""
+        return self.chi2(float(difference @ difference), pull(difference))

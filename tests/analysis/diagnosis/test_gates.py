@@ -105,8 +105,8 @@ def test_where_no_effect_stands_a_rest_makes_the_difference() -> None:
 def test_what_earns_a_name_predicts_better_by_more_than_chance(
     surprise: float, rms: float, apart: float, beats: bool
 ) -> None:
-    other = Prediction((), 10.0, 1.0, np.zeros(4))
-    told = Prediction((), surprise, rms, np.full(4, 0.5 * apart))
+    other = Prediction((), 10.0, 1.0, np.zeros(4), lambda difference: float(difference @ difference))
+    told = Prediction((), surprise, rms, np.full(4, 0.5 * apart), other.squared)
     assert told.predicts_significantly_better(other) is beats
     assert told.predicts_better(other) is (beats or apart > 0.0)
 

@@ -71,7 +71,7 @@ class Case:
 
         def predict(fitted: Fit, held: tuple[int, ...], noise: str, _stop: object) -> Prediction:
             assert held == self.held and noise == "of this fit"
-            return Prediction((), 10.0 if fitted.bic == START else self.surprise, 1.0, np.zeros(1))
+            return Prediction((), 10.0 if fitted.bic == START else self.surprise, 1.0, np.zeros(1), lambda _: 0.0)
 
         patch.setattr(law_learning, "arguments_of", lambda _start: [PLACE])
         patch.setattr(law_learning, "rough_curves", lambda *_: [curve])
@@ -122,7 +122,7 @@ def test_a_form_that_is_far_behind_its_curve_is_not_the_law(
 
 def discovery(bic: float = 900.0, residual: Residual = NOTHING_LEFT, *forms: str | None, converged: bool = True) -> Any:
     laws = tuple(SimpleNamespace(effect=None, form=form) for form in forms or ("power",))
-    told = Prediction((), 10.0, 1.0, np.zeros(1)), Prediction((), 9.0, 1.0, np.zeros(1))
+    told = tuple(Prediction((), surprise, 1.0, np.zeros(1), lambda _: 0.0) for surprise in (10.0, 9.0))
     fitted = Fit(bic, converged=converged)
     return Discovery(cast(Any, Fit(START)), cast(Any, laws), cast(Any, fitted), residual, told)
 

@@ -38,7 +38,7 @@ def trail() -> Any:
 
 
 def predicted(surprise: float) -> Prediction:
-    return Prediction((), surprise, 1.0, np.zeros(1))
+    return Prediction((), surprise, 1.0, np.zeros(1), lambda difference: 0.0)
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ they change how long a diagnosis takes, not its verdict on a fit.
 """
 
 import math
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 _KASS = "Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773: very strong evidence"
@@ -19,7 +19,7 @@ def _is(value: float, unit: str, meaning: str, source: str) -> Any:
 
 @dataclass(frozen=True, slots=True)
 class Criteria:
-    """The thresholds; ``rows`` gives each with its unit, meaning and source."""
+    """The thresholds; the metadata of each field are its unit, meaning and source."""
 
     least_fall: float = _is(10.0, "BIC", "fall for an effect to join, in addition to the cost of choice", _KASS)
     cost_of_choice: float = _is(
@@ -92,13 +92,6 @@ class Criteria:
     def size_of_one(self, of: int) -> float:
         """Return the size in noise norms that each of ``of`` effects must have."""
         return (self.stands_out, self.one_of_two, self.one_of_three)[min(max(of, 1), 3) - 1]
-
-    def rows(self) -> list[tuple[str, str, str, str, str]]:
-        """Return (name, value, unit, meaning, source) of every threshold."""
-        return [
-            (one.name, f"{getattr(self, one.name):g}", *(one.metadata[key] for key in ("unit", "meaning", "source")))
-            for one in fields(self)
-        ]
 
 
 CRITERIA = Criteria()

@@ -2,6 +2,7 @@
 
 import math
 import re
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -16,8 +17,13 @@ DOCS = Path(__file__).parents[3] / "docs" / "how-a-diagnosis-decides.md"
 def test_the_page_lists_every_threshold_as_it_is() -> None:
     text = DOCS.read_text(encoding="utf-8")
     table = [line for line in text.splitlines() if line.startswith("| `")]
-    assert table == [f"| `{name}` | {' | '.join(rest)} |" for name, *rest in CRITERIA.rows()]
-    assert all(all(cell.strip() for cell in row) for row in CRITERIA.rows())
+    columns = ("unit", "meaning", "source")
+    rows = [
+        (f"`{one.name}`", f"{getattr(CRITERIA, one.name):g}", *map(one.metadata.__getitem__, columns))
+        for one in fields(CRITERIA)
+    ]
+    assert table == [f"| {' | '.join(row)} |" for row in rows]
+    assert all(all(cell.strip() for cell in row) for row in rows)
 
 
 def test_what_the_page_says_in_words_is_what_the_table_says() -> None:

@@ -51,11 +51,6 @@ class Branch:
         """
         return self.searched.trail.compared >= other.searched.trail.compared and self.bic <= other.bic
 
-    @property
-    def leaves_something(self) -> bool:
-        """Get whether the best fit leaves a residual to explain."""
-        return self.searched.leaves_something
-
 
 class BestFirst:
     """A search for the likeliest explanation of the shots of one question."""
@@ -89,14 +84,14 @@ class BestFirst:
         if self._question.site is not None and building is None:
             return self._search_in_building
         if building is not None and rest is None:
-            if not building.leaves_something and building.named is None:
+            if not building.searched.leaves_something and building.named is None:
                 return partial(self._name, building)
             named = building.named
             if named is not None and named.explained and not self._may_be_likelier_at_rest(building):
                 return partial(self._end_with, named)
             if self._question.limit():
                 return partial(self._complete, building)
-            lacking = building.leaves_something if named is None else not named.explained
+            lacking = building.searched.leaves_something if named is None else not named.explained
             if lacking and not building.law_was_tried:
                 return partial(self._try_one_law_instead, building, building)
             if building.named is None and building.searched.rounds:
@@ -104,7 +99,7 @@ class BestFirst:
         if rest is None:
             return self._search_at_rest
         likelier = rest if building is None or rest.is_likelier_than(building) else building
-        if (likelier.leaves_something or self._law_hides_in_building) and not rest.law_was_tried:
+        if (likelier.searched.leaves_something or self._law_hides_in_building) and not rest.law_was_tried:
             return partial(self._try_one_law_instead, rest, likelier)
         if building is None or likelier is rest:
             return partial(self._complete, rest)
@@ -186,7 +181,7 @@ class BestFirst:
             branch.law = question.single_law_given(trail.start)
         held_out = question.held_out(trail.start.problem.data, in_turn=best is not trail.start)
         # where the best fit leaves a residual, a thorough search of a support's frequency is not worth its time
-        best, given = at_likeliest_scale(best, trail, thoroughly=not branch.leaves_something), best
+        best, given = at_likeliest_scale(best, trail, thoroughly=not branch.searched.leaves_something), best
         judged = rest if finely is None and best is given else None
         settled = settle(best, trail, held_out, question.progress, question.limit, judged)
         branch.named = explain_with_effects(question, trail, settled, held_out)

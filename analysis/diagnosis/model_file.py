@@ -7,7 +7,7 @@ import math
 import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -129,8 +129,7 @@ def from_text(text: str) -> SavedModel:
     for name, entry in _table(data, "errors").items():
         if name not in _ERRORS or not isinstance(entry, dict):
             raise ModelFileError(f"errors.{name}: one of {', '.join(_ERRORS)} is expected")
-        keys = ("displacement_rms_m", "velocity_rms_m_per_s", "force_rms_n", "reduced_chi2")
-        errors[name] = Errors(*(_float(entry, key, name) for key in keys))
+        errors[name] = Errors(*(_float(entry, of.name, name) for of in fields(Errors)))
     return SavedModel(
         base, tuple(effects.values()), parameters, covariance, _strings(data, "shots"), errors, base_parameters,
         tuple(effects[name] for name in tried),

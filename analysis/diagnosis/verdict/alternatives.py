@@ -44,12 +44,11 @@ def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
 
 def blind_spots(at: Linearised, catalogue: Sequence[TrialEffect], best: Fitted) -> tuple[BlindSpot, ...]:
     """Return the detection limits: effects that are not in ``best``, with the size that would stand out by 5 sigma."""
-    out = []
-    for kind in catalogue:
-        if kind.effect in best.effects or len(kind.starts) > 12:
-            continue
-        out.append(BlindSpot(kind.effect, kind.amplitude[0], least_seen(at, kind)))
-    return tuple(out)
+    return tuple(
+        BlindSpot(kind.effect, kind.amplitude[0], least_seen(at, kind))
+        for kind in catalogue
+        if kind.effect not in best.effects and len(kind.starts) <= 12
+    )
 
 
 def curve_of_fit(fitted: Fitted, before: Fitted) -> tuple[Floats, ...]:

@@ -89,13 +89,11 @@ def _nothing(kind: TrialEffect, values: Mapping[str, float]) -> dict[str, float]
     return {**values, **dict.fromkeys(kind.amplitude, 0.0)}
 
 
-def least_seen(at: Linearised, kind: TrialEffect, snr: float = CRITERIA.stands_out) -> float | None:
-    """Return the first amplitude at which an effect would just stand out by ``snr``; None where none would."""
-    probe = replace(at, left=np.zeros_like(at.left))
-    listed = probe.scores(kind)
-    best = max((score.power for score in listed), default=0.0)
-    if best <= 0:
+def least_seen(at: Linearised, kind: TrialEffect) -> float | None:
+    """Return the first amplitude at which an effect would just stand out; None where none would."""
+    listed = replace(at, left=np.zeros_like(at.left)).scores(kind)
+    best = max(listed, key=lambda score: score.power, default=None)
+    if best is None or best.power <= 0:
         return None
-    score = max(listed, key=lambda s: s.power)
-    size = score.unit
-    return float(snr * size / np.sqrt(best)) if not kind.inverse else float(size * np.sqrt(best) / snr)
+    size, norms = best.unit, CRITERIA.stands_out
+    return float(norms * size / np.sqrt(best.power)) if not kind.inverse else float(size * np.sqrt(best.power) / norms)

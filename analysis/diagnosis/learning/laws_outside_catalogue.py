@@ -135,7 +135,7 @@ def _together(known: Explanation, law: SingleLaw, found: Discovery, base: Predic
     if fitted is not found.fitted:
         told, rest = predict(fitted, held, fitted.noise, stop) or told, residual_of(fitted, at)
     explains = found.explains and not rest.significant
-    laws = tuple(in_joint_fit(law, fitted, law.form is not None) for law in found.laws)
+    laws = tuple(in_joint_fit(one, fitted, one.form is not None) for one in found.laws)
     parameters = effect_parameters(fitted)
     anew = [_anew(one, parameters[one.effect], fitted, at, fewer[one.effect]) for one in kept]
     named, imitations = (anew, []) if known.effects or explains else ([], anew)

@@ -123,10 +123,13 @@ def test_the_first_effect_alone_is_also_fitted_from_white_noise(monkeypatch: pyt
         anew.append((len(fitted.effects), from_white))
         return fitted
 
-    for name, instead in (("add_best_effect", extended), ("converge", polished), ("prune", lambda best, _trail: best)):
+    for name, instead in (
+        ("add_best_effect", extended), ("converge", polished), ("prune", lambda best, _trail: best),
+        ("wider_fits", lambda *_: []),
+    ):  # fmt: skip
         monkeypatch.setattr(forward_selection, name, instead)
     start: Any = fits[0]
-    assert forward_selection.add_effects(start, Trail(start, (), calm, widens=False), 3) is fits[3]
+    assert forward_selection.add_effects(start, Trail(start, (), calm), 3) is fits[3]
     assert anew == [(1, True), (2, False), (3, False)]
 
 

@@ -22,6 +22,7 @@ from analysis.diagnosis.verdict.lack_of_fit import NO_MISFIT, LackOfFit, largest
 from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference import Fitted, joined
 from analysis.inference.noise.floor import Floor
+from analysis.shot import Floats
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 from tests.analysis.diagnosis.test_acceptance import CALM, TILT, WANDERING, Fit
 
@@ -37,8 +38,12 @@ def trail() -> Any:
     return Trail(cast(Any, START), (), calm)
 
 
+def no_difference(difference: Floats) -> float:
+    return 0.0
+
+
 def predicted(surprise: float) -> Prediction:
-    return Prediction((), surprise, 1.0, np.zeros(1), lambda difference: 0.0)
+    return Prediction((), surprise, 1.0, np.zeros(1), no_difference)
 
 
 @pytest.mark.parametrize(

@@ -41,15 +41,19 @@ class Ring:
 
     def commit(self, samples: int) -> None:
         """Count the first ``samples`` of the last ``space`` as written."""
+        if not 0 <= samples <= self._claimed - self.total:
+            raise ValueError(f"{samples} samples do not fit the {self._claimed - self.total} that were claimed")
         self.total += samples
         self._claimed = self.total
 
     def copy_into(self, start: int, out: NDArray[np.int16]) -> None:
         """Fill ``out``, shape (n, channels), with samples ``start`` ... ``start + n - 1``.
 
-        All of them must have been written.  Raises Overwritten if the writer has replaced some since.
+        Raises Overwritten if the writer has replaced some of them, ValueError for samples not written yet.
         """
         length = out.shape[0]
+        if start < 0 or start + length > self.total:
+            raise ValueError(f"samples {start} to {start + length} of {self.total}")
         if start < self.oldest:
             raise Overwritten
         at = start % self.capacity

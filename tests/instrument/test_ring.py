@@ -31,14 +31,18 @@ def test_any_cutting_gives_the_same_samples() -> None:
         np.testing.assert_array_equal(out, numbered(start, total - start))
 
 
-def test_what_is_gone_is_said() -> None:
+def test_what_is_gone_or_not_yet_there_is_said() -> None:
     ring = Ring(10, 1)
     append(ring, numbered(0, 25, 1))
     with pytest.raises(Overwritten):
         ring.copy_into(14, np.empty((2, 1), np.int16))
+    with pytest.raises(ValueError, match="of 25"):
+        ring.copy_into(20, np.empty((6, 1), np.int16))
     ring.space(3)  # samples that are being replaced count as gone before they are
     with pytest.raises(Overwritten):
         ring.copy_into(15, np.empty((2, 1), np.int16))
+    with pytest.raises(ValueError, match="claimed"):
+        ring.commit(4)
 
 
 def test_a_reader_never_sees_a_sample_half_replaced() -> None:

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from numpy.linalg import LinAlgError
 
-from analysis.fitted import fit_again, with_fit_to_follow
+from analysis.fitted import fit_shot, with_fit_pending
 from analysis.shot import (
     SETUP_CORRECTED,
     AnalysisError,
@@ -21,7 +21,7 @@ from analysis.shot import (
     Recording,
     Shot,
     Stop,
-    corrected,
+    corrected_setup,
 )
 from levimass import is_drive
 
@@ -55,7 +55,7 @@ def read(
 
     settings = settings or AnalysisSettings()
     if settings.corrections:
-        setup = corrected(recording.setup, dict(settings.corrections))
+        setup = corrected_setup(recording.setup, dict(settings.corrections))
         recording = replace(recording, setup=setup, flags=_merged(recording.flags, (SETUP_CORRECTED,)))
     seconds = {"load": load_seconds}
     started = time.perf_counter()
@@ -120,7 +120,7 @@ def fitted(shot: Shot, *, progress: Progress | None = None, cancelled: Stop | No
         return shot
     _tell(progress, cancelled, "fitting the model", 0.6)
     started = time.perf_counter()
-    shot = fit_again(shot, shot.settings.effects, cancelled)
+    shot = fit_shot(shot, shot.settings.effects, cancelled)
     _tell(progress, cancelled, "done", 1.0)
     return replace(shot, seconds={**shot.seconds, "fit": time.perf_counter() - started})
 
@@ -130,7 +130,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
         return shot
     from analysis.reading import NoImpact, check_collision, describe_motion, describe_reversal, read_impact
     from analysis.shot import with_rate_error
-    from analysis.signal import LEFT as CROSS_TALK
+    from analysis.signal import CROSS_TALK_LEFT as CROSS_TALK
 
     _tell(progress, cancelled, "reading the impact", 0.5)
     started = time.perf_counter()
@@ -148,7 +148,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
         except (LinAlgError, ValueError, IndexError, ZeroDivisionError):
             shot = replace(shot, problem="the motion is in too many pieces, or too torn, to be read as one collision")
     shot = replace(shot, seconds={**shot.seconds, "impact": time.perf_counter() - started})
-    return with_fit_to_follow(shot)
+    return with_fit_pending(shot)
 
 
 def _tell(progress: Progress | None, cancelled: Stop | None, what: str, fraction: float) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from analysis.diagnosis import Diagnosis, PredictionTest, diagnosis_result, prediction_test_result
 from analysis.fitted import readings_model, readings_model_result
 from analysis.shot import Disturbance, Fit, Shot, program_version, to_json
-from analysis.uncertainty import Origin, budget, budget_result, of_collision, series, series_result
+from analysis.uncertainty import Origin, budget, budget_result, collision_numbers, series, series_result
 
 SCHEMA = "levimass.result/1"
 
@@ -41,7 +41,7 @@ def shot_result(shot: Shot, others: Sequence[Shot] = ()) -> dict[str, Any]:
         "trigger_time_s": shot.trigger_time_s,
         "rest_frequency_hz": to_json(shot.motion.rest_frequency_hz) if shot.motion else None,
     }
-    for number in of_collision(Origin.READ):
+    for number in collision_numbers(Origin.READ):
         group, _, name = number.key.rpartition(".")
         (entry.setdefault(group, {}) if group else entry)[name] = to_json(number.find(shot))
     entry["readings_model"] = readings_model_result(readings_model(shot))

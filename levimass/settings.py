@@ -168,7 +168,7 @@ class AnalysisSettings(AnalysisChoices):
     motion_rate_hz: float = number(100e3, "", "Rate of the motion", "Hz", 1.0, 1.0, 1e9)
     fit: bool = True
     effects: tuple[Effect, ...] = ()  # in the model
-    corrections: tuple[tuple[str, float | None], ...] = ()  # of the rig's values after the shot: ``corrected``
+    corrections: tuple[tuple[str, float | None], ...] = ()  # of the rig's values after the shot
 
     def written(self) -> dict[str, Any]:
         """Return the settings as files have them: effects by their keys."""

@@ -1,16 +1,33 @@
-from .acting import Active, FastestRates, active_effects, chain_matrix, chain_rules, direction, fastest_rates
-from .effects import CATALOGUE, MOST_AT_ONCE, NUISANCES, WIDER, effects_named, findings, named, sensors
+from .effects import (
+    CATALOGUE,
+    MAX_EFFECTS,
+    NUISANCES,
+    WIDER_EFFECTS,
+    effect_named,
+    effects_named,
+    sensor_effects,
+    without_nuisances,
+)
 from .effects.kernel import TOUCHING, V, X, address, complex_address
-from .effects.row import Acts, Effect, Parameter, Sensed
-from .first_order import along, steps_for
+from .effects.row import Acts, Effect, Parameter, SensorInput
+from .first_order import first_order_change, steps_per_sample
 from .gear import simulate
 from .general import Event, EventLog, TooManyEvents, Trajectory, UnboundedMotion, averaged, solve
 from .laws.arguments import ARGUMENTS, Argument
 from .laws.curve import Basis, Curve, graded_basis, visited_range
 from .laws.forms import FORMS, Form
 from .laws.functions import FUNCTIONS
-from .laws.own import MOST_PARAMETERS, LawError, OwnLaw, from_mapping, known_effect
+from .laws.user_law import MOST_PARAMETERS, LawError, UserLaw, known_effect, law_from_table
 from .linearisation import LinearPath, linear_path
+from .mechanical_effects import (
+    ActiveEffect,
+    FastestRates,
+    active_effects,
+    chain_matrix,
+    chain_rules,
+    direction,
+    fastest_rates,
+)
 from .on_moving_frame import moved_by_frame
 from .parameters import KERNEL_ORDER, PAPER, Collision, Floats, Infeasible, Variant
 
@@ -20,13 +37,13 @@ __all__ = [
     "FORMS",
     "FUNCTIONS",
     "KERNEL_ORDER",
-    "MOST_AT_ONCE",
+    "MAX_EFFECTS",
     "MOST_PARAMETERS",
     "NUISANCES",
     "PAPER",
     "TOUCHING",
-    "WIDER",
-    "Active",
+    "WIDER_EFFECTS",
+    "ActiveEffect",
     "Acts",
     "Argument",
     "Basis",
@@ -41,35 +58,35 @@ __all__ = [
     "Infeasible",
     "LawError",
     "LinearPath",
-    "OwnLaw",
     "Parameter",
-    "Sensed",
+    "SensorInput",
     "TooManyEvents",
     "Trajectory",
     "UnboundedMotion",
+    "UserLaw",
     "V",
     "Variant",
     "X",
     "active_effects",
     "address",
-    "along",
     "averaged",
     "chain_matrix",
     "chain_rules",
     "complex_address",
     "direction",
+    "effect_named",
     "effects_named",
     "fastest_rates",
-    "findings",
-    "from_mapping",
+    "first_order_change",
     "graded_basis",
     "known_effect",
+    "law_from_table",
     "linear_path",
     "moved_by_frame",
-    "named",
-    "sensors",
+    "sensor_effects",
     "simulate",
     "solve",
-    "steps_for",
+    "steps_per_sample",
     "visited_range",
+    "without_nuisances",
 ]

@@ -1,6 +1,6 @@
 """Find the first zero of a guard function within a step, for any stepper (kernels).
 
-``reach`` is a function of the stepper: it writes the state at a given time after the start of the step to ``there``.
+``step_to`` is a function of the stepper: it writes the state at a given time after the start of the step to ``there``.
 """
 
 from analysis.collision.modes import VELOCITY, guard, guard_rate, may_touch
@@ -9,7 +9,7 @@ from analysis.compiled import part
 
 
 @part
-def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-untyped-def]
+def _root(step_to, stepper, system, motion, item, low, high):  # type: ignore[no-untyped-def]
     """Return the time after ``here``, between ``low`` and ``high``, at which a guard function passes zero.
 
     Newton's method within a bracket, converged to the last bit of the time.
@@ -18,7 +18,7 @@ def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-u
     sign = motion.signs[item]
     at = 0.5 * (low + high)
     for _ in range(90):
-        reach(stepper, system, motion, at, one)
+        step_to(stepper, system, motion, at, one)
         value, rate = guard(item, motion.there, system), guard_rate(item, motion.there, system)
         if value * sign >= 0.0:
             low = at
@@ -35,7 +35,7 @@ def _root(reach, stepper, system, motion, item, low, high):  # type: ignore[no-u
 
 
 @part
-def _lowest(reach, stepper, system, motion, item, h, up):  # type: ignore[no-untyped-def]
+def _lowest(step_to, stepper, system, motion, item, h, up):  # type: ignore[no-untyped-def]
     """Return the time of the minimum of a guard function that falls at ``here`` and rises at rate ``up`` after ``h``.
 
     Stops early at any time at which the function is negative.  Secant steps and bisections alternate.
@@ -48,7 +48,7 @@ def _lowest(reach, stepper, system, motion, item, h, up):  # type: ignore[no-unt
         if abs(new - at) <= 1e-15 * abs(new):
             break
         at = new
-        reach(stepper, system, motion, at, one)
+        step_to(stepper, system, motion, at, one)
         if guard(item, motion.there, system) * sign < 0.0:
             break
         rate = guard_rate(item, motion.there, system) * sign
@@ -60,7 +60,7 @@ def _lowest(reach, stepper, system, motion, item, h, up):  # type: ignore[no-unt
 
 
 @part
-def first_crossing(reach, stepper, system, motion, h):  # type: ignore[no-untyped-def]
+def first_crossing(step_to, stepper, system, motion, h):  # type: ignore[no-untyped-def]
     """Return (guard function, time) of the first zero within a step; the guard function is -1 if there is none.
 
     Two zeros of the velocity within one step are ignored, because their effect is negligible.
@@ -69,7 +69,7 @@ def first_crossing(reach, stepper, system, motion, h):  # type: ignore[no-untype
     first, found = h, -1
     one = motion.nothing.size
     rates(motion.here, one, system.which, system, motion.mode)
-    reach(stepper, system, motion, h, one)
+    step_to(stepper, system, motion, h, one)
     for item in range(signs.size):
         if signs[item] != 0.0:
             ends[item, 0] = guard(item, motion.there, system) * signs[item]
@@ -83,11 +83,11 @@ def first_crossing(reach, stepper, system, motion, h):  # type: ignore[no-untype
             value, rate = guard(item, motion.here, system) * sign, guard_rate(item, motion.here, system) * sign
             if item == VELOCITY or not may_touch(value, rate, ends[item, 1], h):
                 continue
-            when = _lowest(reach, stepper, system, motion, item, h, ends[item, 1])
-            reach(stepper, system, motion, when, one)
+            when = _lowest(step_to, stepper, system, motion, item, h, ends[item, 1])
+            step_to(stepper, system, motion, when, one)
             if not guard(item, motion.there, system) * sign < 0.0:
                 continue
-        when = _root(reach, stepper, system, motion, item, 0.0, when)
+        when = _root(step_to, stepper, system, motion, item, 0.0, when)
         if found < 0 or when < first:
             found, first = item, when
     return found, first

@@ -73,7 +73,7 @@ def _add_to_rows(factor, rows, out):  # type: ignore[no-untyped-def]
 
 
 @part
-def along(functional, item, z):  # type: ignore[no-untyped-def]
+def row_times_state(functional, item, z):  # type: ignore[no-untyped-def]
     """Return the product of one row of ``functional`` with the state."""
     total = 0.0
     for c in range(z.shape[0]):
@@ -94,14 +94,14 @@ def step(z, e, d, out):  # type: ignore[no-untyped-def]
 
 
 @part
-def step_alone(z, e, out):  # type: ignore[no-untyped-def]
+def step_without_derivatives(z, e, out):  # type: ignore[no-untyped-def]
     """Write the state one step ahead, without derivatives."""
     for i in range(e.shape[0] - 1):
-        out[i, 0] = along(e, i, z)
+        out[i, 0] = row_times_state(e, i, z)
 
 
 @part
-def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
+def block_matrices(form, room, rows, times):  # type: ignore[no-untyped-def]
     """Write the propagator of ``times`` steps, the matrix of the mean over them, and derivatives of its first row."""
     e, d, e_all, d_all, e_work, d_work = form.e, form.d, form.whole, form.d_whole, room.square[0], room.d_work
     n = e.shape[0]
@@ -143,13 +143,13 @@ def repeat(form, room, rows, times):  # type: ignore[no-untyped-def]
 
 
 @part
-def show_mean(z, rows, form, states, d_x, means):  # type: ignore[no-untyped-def]
+def add_block_mean(z, rows, form, states, d_x, means):  # type: ignore[no-untyped-def]
     """Add the mean over the next block of steps to the outputs, and that of the derivatives of the block's position.
 
     ``means`` is a work array of as many numbers as ``z`` has columns.
     """
     for i in range(states.size):
-        states[i] += along(form.mean, i, z)
+        states[i] += row_times_state(form.mean, i, z)
     if rows == 1:
         return
     mean, d_mean = form.mean[0], form.d_mean
@@ -174,7 +174,7 @@ def series(z, rows, form, h, out, room):  # type: ignore[no-untyped-def]
         scale = h / m
         for i in range(n - 1):
             if rows == 1:
-                new[i, 0] = along(a, i, term)
+                new[i, 0] = row_times_state(a, i, term)
             for k in range(0, new.shape[1] if rows > 1 else 0, 4):
                 total = four_zeros()
                 for c in range(n):

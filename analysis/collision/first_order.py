@@ -4,7 +4,7 @@ The effect's function is evaluated along the path (``linear_path``).  Every osci
 hidden state with constant coefficients.  The hidden state is therefore propagated exactly, for drives that are
 parabolas over a step.  The small change of block and plate is propagated by the path's propagators, with the drives
 integrated by Simpson's rule.  The error is of second order in the effect.  If the function does not have that form,
-``along`` returns None, and the trajectory has to be solved again.
+``first_order_change`` returns None, and the trajectory has to be solved again.
 """
 
 import math
@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from analysis.collision.acting import function_of
 from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, ON_PLATE, OUTPUTS, PAIR, STATES, V, X, address
 from analysis.collision.effects.row import Acts, Effect
 from analysis.collision.linear_coefficients import (
@@ -25,6 +24,7 @@ from analysis.collision.linear_coefficients import (
     state_coefficients,
 )
 from analysis.collision.linearisation import LinearPath
+from analysis.collision.mechanical_effects import function_of
 from analysis.collision.parameters import Collision, Floats
 from analysis.collision.path_matrices import INPUTS
 from analysis.compiled import by_address, cut, cut_integers, kernel, part
@@ -35,7 +35,7 @@ _SWING = 0.5  # largest phase step, in rad, of the fastest oscillation of an eff
 _DRIVES = (ON_BLOCK, ON_PLATE, PAIR, MASS)  # in the order of the path's inputs
 
 
-def steps_for(effect: Effect, values: Sequence[float], collision: Collision, spacing_s: float) -> int:
+def steps_per_sample(effect: Effect, values: Sequence[float], collision: Collision, spacing_s: float) -> int:
     """Return the number of steps per sample that an effect needs, a power of two so that many starts share a path."""
     turns = effect.fastest(np.asarray(values, dtype=np.float64), collision) * spacing_s / _SWING
     return 1 if turns <= 1 else 2 ** math.ceil(math.log2(turns))
@@ -44,16 +44,17 @@ def steps_for(effect: Effect, values: Sequence[float], collision: Collision, spa
 class _EffectAtStarts(NamedTuple):
     """An effect at k starts: its address, where it acts, its parameters, shape (k, 3), and its linear coefficients.
 
-    ``in_contact``: acts between the bodies; ``in_flight``: acts before the touch too; ``rides``: its hidden state moves
-    with the block before the touch.  ``linear``, shape (6, 2, k): derivatives of the outputs with respect to the hidden
-    state; ``by_state``, shape (6, 8, k): those with respect to the state and the outputs at rest, if ``constant``.
+    ``in_contact``: acts between the bodies; ``in_flight``: acts before the touch too; ``moves_with_block``: its hidden
+    state moves with the block before the touch.  ``linear``, shape (6, 2, k): derivatives of the outputs with respect
+    to the hidden state; ``by_state``, shape (6, 8, k): those with respect to the state and the outputs at rest, if
+    ``constant``.
     """
 
     where: int
     in_contact: bool
     in_flight: bool
     hidden: bool
-    rides: bool
+    moves_with_block: bool
     shift: float
     constant: bool
     parameters: Floats
@@ -95,7 +96,9 @@ class _Work(NamedTuple):
     term_count: Any
 
 
-def along(path: LinearPath, effect: Effect, collision: Collision, parameters: Floats, samples: int) -> Floats | None:
+def first_order_change(
+    path: LinearPath, effect: Effect, collision: Collision, parameters: Floats, samples: int
+) -> Floats | None:
     """Return the block's position change, (samples, k), for ``parameters``, (k, 3); None if not applicable."""
     if effect.kernel is None or effect.range_at >= 0:
         return None
@@ -112,24 +115,24 @@ def along(path: LinearPath, effect: Effect, collision: Collision, parameters: Fl
         return None
     constant = hidden and state_coefficients(where, inputs, parameters, by_state, np.zeros(ROOM))
     out = np.zeros((samples, count))
-    in_flight = acts is Acts.ON_BLOCK and not effect.rides
+    in_flight = acts is Acts.ON_BLOCK and not effect.moves_with_block
     at_starts = _EffectAtStarts(
-        where, in_contact, in_flight, hidden, effect.rides, float(effect.shift), bool(constant), parameters, linear,
-        by_state,
+        where, in_contact, in_flight, hidden, effect.moves_with_block, float(effect.shift), bool(constant),
+        parameters, linear, by_state,
     )  # fmt: skip
-    marched = _march(at_starts, np.array(_DRIVES), path, out, np.zeros(_room_for(path.propagator.shape[1], count)))
+    marched = _march(at_starts, np.array(_DRIVES), path, out, np.zeros(_room_size(path.propagator.shape[1], count)))
     assert marched
     return out
 
 
-def _room_for(n: int, count: int) -> int:
+def _room_size(n: int, count: int) -> int:
     """Return the size of the workspace of ``_march`` for states of n numbers and ``count`` starts."""
     fixed = STATES + 3 + INPUTS + OUTPUTS * (2 * SEEN + 5) + 2 * (n + 3 * INPUTS)
     return fixed + count * (3 * OUTPUTS + 3 * INPUTS + 2 * n + 6 + 1 + 32 + 4 + 16)
 
 
 @part
-def add_up(rows, weights, which, number, out):  # type: ignore[no-untyped-def]
+def weighted_sum(rows, weights, which, number, out):  # type: ignore[no-untyped-def]
     """Write the weighted sum of selected rows, two at a time, which halves the writes to ``out``."""
     count = out.size
     first, last = rows[which[0]], rows[which[number - 1]]
@@ -220,7 +223,7 @@ def _write_bare(effect, path, r, point, work):  # type: ignore[no-untyped-def]
             if work.driven[i]:
                 for k in range(work.term_count[i]):
                     work.scaled[k] = s[work.terms[i, k]] if work.terms[i, k] < SEEN else 1.0
-                add_up(effect.by_state[i], work.scaled, work.terms[i], work.term_count[i], bare[point, i])
+                weighted_sum(effect.by_state[i], work.scaled, work.terms[i], work.term_count[i], bare[point, i])
         return
     for c in range(effect.parameters.shape[0]):
         call_effect(effect.where, s, effect.parameters, c, work.values, work.effect)
@@ -270,12 +273,12 @@ def jump_at_event(path, r, state, moved):  # type: ignore[no-untyped-def]
     for c in range(count):
         total = moved[c]
         for i in range(n):
-            total += path.watch[r, i] * state[i, c]
+            total += path.event_gradient[r, i] * state[i, c]
         moved[c] = total
     for i in range(n):
-        if path.kick[r, i] != 0.0:
+        if path.event_jump[r, i] != 0.0:
             for c in range(count):
-                state[i, c] += path.kick[r, i] * moved[c]
+                state[i, c] += path.event_jump[r, i] * moved[c]
 
 
 @part
@@ -292,7 +295,7 @@ def _step_state(path, r, work):  # type: ignore[no-untyped-def]
                 if work.active[k]:
                     scaled[row] = path.weights[r, point, i, k]
                     row += 1
-        add_up(work.rows, scaled, work.live, row, work.new[i])
+        weighted_sum(work.rows, scaled, work.live, row, work.new[i])
     for i in range(n):
         for c in range(count):
             state[i, c] = work.new[i, c]
@@ -306,7 +309,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
     """Write the block's change of position at the samples, shape (samples, k); return False if ``room`` is too small.
 
     Takes about 15 ns per step and start if the effect's coefficients are ``constant``, otherwise 40 ns.  ``room``
-    holds ``_room_for`` zeros.
+    holds ``_room_size`` zeros.
     """
     effect, path = by_address(effect), by_address(path)
     count, n, early = effect.parameters.shape[0], path.propagator.shape[1], path.early
@@ -322,7 +325,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
             for c in range(count):
                 for i in range(n):
                     work.state[i, c] = 0.0
-                if effect.rides and effect.hidden:
+                if effect.moves_with_block and effect.hidden:
                     work.h[0, 0, c], work.h[0, 1, c] = path.effect_inputs[r, 0, X], path.effect_inputs[r, 0, V]
         if early[r] and not effect.in_flight:
             continue
@@ -342,7 +345,7 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
         _write_inputs(effect, drives, work)
         if not path.linked[r]:
             for c in range(count):
-                work.moved[c] = path.watch[r, n] * effect.shift * work.h[0, 0, c]
+                work.moved[c] = path.event_gradient[r, n] * effect.shift * work.h[0, 0, c]
             jump_at_event(path, r, work.state, work.moved)
         _step_state(path, r, work)
         if path.sample[r] >= 0:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import march
-from analysis.collision.acting import Active as Active
-from analysis.collision.acting import FastestRates, fastest_rates, lay_out
-from analysis.collision.acting import direction as direction
+from analysis.collision.mechanical_effects import ActiveEffect as ActiveEffect
+from analysis.collision.mechanical_effects import FastestRates, build_system, fastest_rates
+from analysis.collision.mechanical_effects import direction as direction
 from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING
 from analysis.collision.parameters import Collision, Floats
 from analysis.collision.system import MAX_EVENTS, Record, System
@@ -132,7 +132,7 @@ class UnboundedMotion(ArithmeticError):
 
 def solve(
     collision: Collision,
-    effects: Sequence[Active],
+    effects: Sequence[ActiveEffect],
     time_s: Floats,
     *,
     directions: Sequence[int] = (),
@@ -164,7 +164,7 @@ def solve(
 
 
 @dataclass(frozen=True, slots=True)
-class Recorded:
+class MotionWithModes:
     """A motion with its modes: time, kind and mode after each of e events, and states at n times.
 
     ``modes`` has shape (e, flags); ``states``, shape (n, 4 + hidden), include the effects' hidden states.
@@ -176,12 +176,14 @@ class Recorded:
     states: Floats
 
 
-def recorded(collision: Collision, effects: Sequence[Active], time_s: Floats, spacing_s: float = 0.0) -> Recorded:
+def solve_with_modes(
+    collision: Collision, effects: Sequence[ActiveEffect], time_s: Floats, spacing_s: float = 0.0
+) -> MotionWithModes:
     """Solve as ``solve`` does, and return complete states and modes; ``spacing_s`` is the spacing of most times."""
     request = _Request(time_s, whole=True, spacing_s=spacing_s)
     record, count, system = _solved(collision, effects, request, 1.0, fastest_rates(collision, effects))
     states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # without the contact point
-    return Recorded(record.event_time[:count], record.event_kind[:count], record.event_mode[:count], states)
+    return MotionWithModes(record.event_time[:count], record.event_kind[:count], record.event_mode[:count], states)
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,12 +198,12 @@ class _Request:
 
 
 def _solved(
-    collision: Collision, effects: Sequence[Active], request: _Request, stride: float, rates: FastestRates
+    collision: Collision, effects: Sequence[ActiveEffect], request: _Request, stride: float, rates: FastestRates
 ) -> tuple[Record, int, System]:
     times = np.ascontiguousarray(request.time_s, dtype=np.float64)
     if times.ndim != 1 or times.size < request.block or not np.all(times[1:] >= times[:-1]):
         raise ValueError("time_s must be one-dimensional, not empty and ascending")
-    system = lay_out(collision, effects, request.directions)
+    system = build_system(collision, effects, request.directions)
     shown = 1 + system.numbers if request.whole else 5
     record = _record(times, request.block, system, shown)
     closed: Any = march.in_closed_form
@@ -215,9 +217,9 @@ def _solved(
         room = np.zeros(march.room_for(system, record))
         count = stepped(system, record, _limits(rates, effects, stride), room)
     assert count != march.NO_ROOM
-    if count == march.TOO_MANY:
+    if count == march.TOO_MANY_EVENTS:
         raise TooManyEvents(f"more than {MAX_EVENTS} contact events with {collision}")
-    if count == march.TOO_LONG:
+    if count == march.TOO_MANY_STEPS:
         raise TooManyEvents(f"more steps than a solution may take with {collision}")
     if count < 0:
         raise UnboundedMotion(f"the motion grows without bound with {collision}")
@@ -268,7 +270,7 @@ def _kind(code: int) -> str:
     return _KIND.get((code // 10, code % 10), "range")
 
 
-def _limits(rates: FastestRates, effects: Sequence[Active], stride: float) -> Floats:
+def _limits(rates: FastestRates, effects: Sequence[ActiveEffect], stride: float) -> Floats:
     """Return the ``limits`` of ``RungeKutta``."""
     if any(active.effect.kinked for active in effects):
         stride = min(stride, 1.0)

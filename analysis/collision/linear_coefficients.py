@@ -7,7 +7,7 @@ from analysis.collision.effects.kernel import OUTPUTS, STATES, Q, W, call
 from analysis.compiled import cut, kernel, part
 
 SEEN = 7  # the first inputs of an effect: positions, velocities, overlap, its rate and force
-_ALIKE = 1e-9
+_LINEAR_TOLERANCE = 1e-9
 ROOM = 64  # size of the workspace of ``coefficients`` and of ``state_coefficients``
 _TERMS = 14  # of the exponential series, enough for the longest step of ``first_order``
 
@@ -42,7 +42,7 @@ def coefficients(where, inputs, parameters, linear, room):  # type: ignore[no-un
                     linear[i, 0, c], linear[i, 1, c] = by_q, by_w
                 size = abs(outputs[0, i]) + abs(by_q) + abs(by_w)
                 both = outputs[0, i] + 0.4 * linear[i, 0, c] - 0.7 * linear[i, 1, c]
-                if not abs(outputs[3, i] - both) <= _ALIKE * size:
+                if not abs(outputs[3, i] - both) <= _LINEAR_TOLERANCE * size:
                     return False
     return True
 
@@ -76,7 +76,7 @@ def state_coefficients(where, inputs, parameters, by_state, room):  # type: igno
                 for j in range(SEEN):
                     total += by_state[i, j, c] * s[j]
                     size += abs(by_state[i, j, c] * s[j])
-                if not abs(outputs[i] - total) <= _ALIKE * size:
+                if not abs(outputs[i] - total) <= _LINEAR_TOLERANCE * size:
                     return False
     return True
 

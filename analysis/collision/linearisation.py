@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import general
-from analysis.collision.acting import Active, direction, fastest_rates, lay_out
 from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, PAIR, STATES
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.general import TooManyEvents, UnboundedMotion
 from analysis.collision.march import RANGE, TURN
+from analysis.collision.mechanical_effects import ActiveEffect, build_system, direction, fastest_rates
 from analysis.collision.modes import (
     FORCE,
     FREE,
@@ -38,7 +38,7 @@ from analysis.collision.system import Integers
 from analysis.compiled import kernel
 
 _SWING = 0.25  # largest phase step in rad
-MOST_PIECES = 24
+MAX_PIECES = 24
 
 
 def _push(s: Any, p: Any, out: Any) -> None:
@@ -52,9 +52,9 @@ def _press(s: Any, p: Any, out: Any) -> None:
     out[PAIR] += p[0]
 
 
-_TWO = tuple(Parameter(name, "N", 0.0) for name in ("block", "plate"))
-_PUSH = Effect("push", "", Acts.ON_BLOCK, _TWO, "block", _push, hidden=2, shift=1.0)
-_PRESS = Effect("press", "", Acts.IN_CONTACT, _TWO[:1], "block", _press)
+_TWO_FORCES = tuple(Parameter(name, "N", 0.0) for name in ("block", "plate"))
+_PUSH = Effect("push", "", Acts.ON_BLOCK, _TWO_FORCES, "block", _push, hidden=2, shift=1.0)
+_PRESS = Effect("press", "", Acts.IN_CONTACT, _TWO_FORCES[:1], "block", _press)
 
 
 class LinearPath(NamedTuple):
@@ -63,8 +63,9 @@ class LinearPath(NamedTuple):
     ``length_s`` and ``sample`` (index of the sample at the end, or -1), shape (m,); ``early``: before the interaction;
     ``linked``: starts at the end of the previous step; ``propagator``, shape (m, n, n); ``weights`` of the inputs at
     start, middle and end, shape (m, 3, n, 6); ``effect_inputs``, shape (m, 3, 15), the arguments of an effect's
-    function there.  ``kick``, shape (m, n), and ``watch``, shape (m, n + 1): at its start the state jumps by ``kick``
-    times the product of ``watch`` with the state and the displacement of the contact point.
+    function there.  ``event_jump``, shape (m, n), and ``event_gradient``, shape (m, n + 1): at its start the state
+    jumps by ``event_jump`` times the product of ``event_gradient`` with the state and the displacement of the contact
+    point.
     """
 
     length_s: Floats
@@ -74,8 +75,8 @@ class LinearPath(NamedTuple):
     propagator: Floats
     weights: Floats
     effect_inputs: Floats
-    kick: Floats
-    watch: Floats
+    event_jump: Floats
+    event_gradient: Floats
 
     @property
     def size(self) -> int:
@@ -83,7 +84,7 @@ class LinearPath(NamedTuple):
         return int(self.length_s.size)
 
 
-def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, steps: int = 1) -> LinearPath:
+def linear_path(collision: Collision, active: Sequence[ActiveEffect], time_s: Floats, steps: int = 1) -> LinearPath:
     """Linearise a collision with ``active`` effects (those with hidden states first) at ``time_s`` from first touch.
 
     ``time_s`` is an even grid, with at least ``steps`` steps per sample.  Takes about 1 us per step.  Raises Infeasible
@@ -93,19 +94,19 @@ def linear_path(collision: Collision, active: Sequence[Active], time_s: Floats, 
     spacing = float(time_s[1] - time_s[0])
     apart = max(steps, math.ceil(max(fastest.plate, fastest.every) * spacing / _SWING))
     pieces = apart * math.ceil(max(steps, max(fastest.contact, fastest.every) * spacing / _SWING) / apart)
-    if pieces > MOST_PIECES:
+    if pieces > MAX_PIECES:
         raise Infeasible("an oscillation is too fast for the sampling of the record")
     # Without effects the block's turn is not an event.  For the effects under test it may be: a zero force adds it.
-    acting = active or [Active(_PRESS, (0.0,))]
+    acting = active or [ActiveEffect(_PRESS, (0.0,))]
     try:
-        events = general.recorded(collision, acting, time_s)
+        events = general.solve_with_modes(collision, acting, time_s)
         cut = _cut_at_events(events, time_s, (pieces, apart))
         early = cut.event < 0
         apart_now = events.modes[cut.event, PHASE] == FREE
         halves = np.where(early, pieces, np.where(apart_now, pieces // apart, 1))
         instants, place = np.empty(2 * int(halves.sum()) + 1), np.empty(early.size, dtype=np.int64)
-        _lay_instants(cut.begin_s, cut.end_s, halves, int(early.sum()), instants, place)
-        run = general.recorded(collision, acting, instants, spacing / (2 * pieces))
+        _write_instants(cut.begin_s, cut.end_s, halves, int(early.sum()), instants, place)
+        run = general.solve_with_modes(collision, acting, instants, spacing / (2 * pieces))
     except (TooManyEvents, UnboundedMotion) as why:
         raise Infeasible(str(why)) from why
     way = np.where(early, -halves, halves)
@@ -126,16 +127,16 @@ class _Cut(NamedTuple):
 
 
 def _with_matrices(
-    collision: Collision, active: Sequence[Active], events: general.Recorded, states: Floats, cut: _Cut
+    collision: Collision, active: Sequence[ActiveEffect], events: general.MotionWithModes, states: Floats, cut: _Cut
 ) -> LinearPath:
     """Return the path of these steps with ``states``, shape (m, 3, n)."""
     event, length_s = cut.event, cut.end_s - cut.begin_s
     early = event < 0
     hidden = sum(one.effect.hidden > 0 for one in active)
-    probed = [*active[:hidden], Active(_PUSH, (0.0, 0.0)), *active[hidden:], Active(_PRESS, (0.0,))]
+    probed = [*active[:hidden], ActiveEffect(_PUSH, (0.0, 0.0)), *active[hidden:], ActiveEffect(_PRESS, (0.0,))]
     n = 4 + 2 * hidden
     probes = [direction(hidden, 0), direction(hidden, 1), direction(len(probed) - 1, 0)]
-    system = lay_out(collision, probed, [*[-1] * (n + 2), *probes])
+    system = build_system(collision, probed, [*[-1] * (n + 2), *probes])
     slots = [slot + (slot >= hidden) for slot in range(len(active))]
     count, mode_of = event.size, np.zeros((events.time_s.size + 1, NEAR_0 + len(probed)))
     mode_of[:-1, :NEAR_0] = events.modes[:, :NEAR_0]
@@ -168,19 +169,19 @@ def _guard_of(kind: int, slots: Sequence[int]) -> int:
     return OVERLAP_RATE if PARTING in (before, after) else FORCE
 
 
-def _cut_at_events(events: general.Recorded, time_s: Floats, each: tuple[int, int]) -> _Cut:
+def _cut_at_events(events: general.MotionWithModes, time_s: Floats, each: tuple[int, int]) -> _Cut:
     """Return the steps to the samples and events; ``each``: steps per sample in contact and apart."""
     most = (time_s.size + events.time_s.size) * (max(each) + 1)
     begin, end = np.empty(most), np.empty(most)
     sample, event = np.full(most, -1), np.empty(most, dtype=np.int64)
     spacing = float(time_s[1] - time_s[0])
     whole = np.where(events.modes[:, PHASE] == FREE, spacing / each[1], spacing / each[0])
-    count = _lay_steps(np.ascontiguousarray(time_s), events.time_s, whole, begin, end, sample, event)
+    count = _write_steps(np.ascontiguousarray(time_s), events.time_s, whole, begin, end, sample, event)
     return _Cut(begin[:count], end[:count], sample[:count], event[:count])
 
 
 @kernel
-def _lay_steps(time_s, starts, whole, begin, end, sample, event):  # type: ignore[no-untyped-def]
+def _write_steps(time_s, starts, whole, begin, end, sample, event):  # type: ignore[no-untyped-def]
     """Write the steps of ``_cut_at_events``, none longer than its mode's ``whole``, and return their number."""
     first, r, at = 0, 0, starts[0]
     while first < time_s.size and time_s[first] < starts[0] - 1e-13:
@@ -216,7 +217,7 @@ def _lay_steps(time_s, starts, whole, begin, end, sample, event):  # type: ignor
 
 
 @kernel
-def _lay_instants(begin, end, halves, early, instants, place):  # type: ignore[no-untyped-def]
+def _write_instants(begin, end, halves, early, instants, place):  # type: ignore[no-untyped-def]
     """Write the times in order, two for each of a step's ``halves``, and the index of each step's start.
 
     All lie on the grid of the shortest steps, on which the solver is fastest; the first ``early`` steps are reversed.

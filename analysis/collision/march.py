@@ -7,10 +7,10 @@ Nijmeijer, "Dynamics and Bifurcations of Non-Smooth Mechanical Systems", ch. 7).
 Within a mode a stepper solves the motion: ``propagator`` (closed form, if the equations are linear in the state) or
 ``runge_kutta``.  A stepper consists of a bundle of arrays, and of four functions in its file:
 
-``arm``    prepares for a mode that begins at the state ``here``; returns False if the stepper cannot solve it
-``run``    steps from sample to sample; returns (next sample, length of a step that may contain an event, stop reason)
-``reach``  writes the state, its rates and its contact at a given time after the start of that step to ``there``
-``show``   writes the samples within that step up to a given time, and returns the next sample
+``begin_mode``  prepares for a mode that begins at the state ``here``; returns False if the stepper cannot solve it
+``run``  steps from sample to sample; returns (next sample, length of a step that may contain an event, stop reason)
+``step_to``  writes the state, its rates and its contact at a given time after the start of that step to ``there``
+``write_samples``  writes the samples within that step up to a given time, and returns the next sample
 """
 
 import math
@@ -21,7 +21,7 @@ from analysis.collision.modes import (
     CONTACT,
     FORCE,
     FREE,
-    INSIDE,
+    INNER_MASS,
     NEAR_0,
     OVERLAP,
     OVERLAP_RATE,
@@ -39,17 +39,17 @@ from analysis.collision.modes import (
 )
 from analysis.collision.rates import rates
 from analysis.collision.system import (
-    AWAY,
     DONE,
-    ENDLESS,
-    GONE,
     LEFT_AT,
+    LEFT_FOR_GOOD,
     MAX_EVENTS,
+    MAX_STEPS,
+    MAX_STEPS_PER_SAMPLE,
+    NOT_FINITE,
     RANGE_AT,
     RATE_AT,
     RIDES,
-    STEPS_A_SAMPLE,
-    STEPS_IN_ALL,
+    STEP_LIMIT,
     STEPS_LEFT,
     TIME,
     Ahead,
@@ -57,17 +57,17 @@ from analysis.collision.system import (
     Record,
     State,
     System,
+    copy_state,
     state_of,
-    take,
 )
 from analysis.compiled import by_address, cut, cut_integers, inlined, kernel, part
 
-TOO_MANY, RUNS_AWAY, NOT_LINEAR, NO_ROOM, TOO_LONG = -1, -2, -3, -4, -5
+TOO_MANY_EVENTS, UNBOUNDED, NOT_LINEAR, NO_ROOM, TOO_MANY_STEPS = -1, -2, -3, -4, -5
 TURN, RANGE = 90, 95  # kinds of event: the block turns; the bodies leave or enter an effect's range (plus its slot)
 
 
 @inlined
-def _passage(before, after):  # type: ignore[no-untyped-def]
+def _event_kind(before, after):  # type: ignore[no-untyped-def]
     """Return the kind of the event that leads from one phase of the contact to another."""
     return 10 * before + after
 
@@ -93,11 +93,11 @@ def _change_mode(item, mode, slots):  # type: ignore[no-untyped-def]
     for slot in range(slots.shape[0]):  # an attraction acts while the bodies are apart
         if slots[slot, RANGE_AT] >= 0.0:
             mode[NEAR_0 + slot] = 1.0 if after == FREE else 0.0
-    return _passage(phase, after)
+    return _event_kind(phase, after)
 
 
 @part
-def _cross(item, rows, system, motion, record, event):  # type: ignore[no-untyped-def]
+def _process_event(item, rows, system, motion, record, event):  # type: ignore[no-untyped-def]
     """Process an event at ``here``, whose rates are known: change the mode and apply the jump of the derivatives."""
     here, aside, mode, which = motion.here, motion.aside, motion.mode, system.which
     size = here.z.shape[1]
@@ -117,11 +117,11 @@ def _cross(item, rows, system, motion, record, event):  # type: ignore[no-untype
         for c in range(size):
             here.z[j, c] += (here.f[0, c] - aside.f[0, c]) * moved
             record.event_d_state[event, j - 1, c] = here.z[j, c] + aside.f[0, c] * moved
-    _note(event, kind, motion, record)
+    _record_event(event, kind, motion, record)
 
 
 @part
-def _note(event, kind, motion, record):  # type: ignore[no-untyped-def]
+def _record_event(event, kind, motion, record):  # type: ignore[no-untyped-def]
     """Write an event at ``here`` to the record."""
     record.event_time[event] = motion.clock[TIME]
     record.event_kind[event] = kind
@@ -169,7 +169,7 @@ def _start(system, motion, forward):  # type: ignore[no-untyped-def]
     mode[SIGN] = -1.0
     set_phase(FREE, mode)
     if forward:
-        mode[PLATE] = mode[INSIDE] = 1.0
+        mode[PLATE] = mode[INNER_MASS] = 1.0
         if attracts < 0:
             set_phase(CONTACT, mode)
         for slot in range(slots.shape[0]):
@@ -187,7 +187,7 @@ def _start(system, motion, forward):  # type: ignore[no-untyped-def]
 
 
 @part
-def _after_start(record, system):  # type: ignore[no-untyped-def]
+def _first_after_start(record, system):  # type: ignore[no-untyped-def]
     """Return the index of the first sample after the start of the solution."""
     edge = 0.0
     for slot in range(system.slots.shape[0]):
@@ -200,58 +200,58 @@ def _after_start(record, system):  # type: ignore[no-untyped-def]
 
 
 @part
-def march(arm, run, reach, show, stepper, system, motion, record):  # type: ignore[no-untyped-def]
+def march(begin_mode, run, step_to, write_samples, stepper, system, motion, record):  # type: ignore[no-untyped-def]
     """Solve from the start of the interaction back to the first sample, then forward to the last.
 
-    Returns the number of events, or TOO_MANY, RUNS_AWAY, NOT_LINEAR, TOO_LONG.
+    Returns the number of events, or TOO_MANY_EVENTS, UNBOUNDED, NOT_LINEAR, TOO_MANY_STEPS.
     """
     here, there, rows = motion.here, motion.there, system.which.size + 1
     samples = record.block * (record.times.size // record.block)
-    split = min(_after_start(record, system), samples)
+    split = min(_first_after_start(record, system), samples)
     events = 0
-    motion.clock[STEPS_LEFT] = STEPS_IN_ALL + STEPS_A_SAMPLE * samples
+    motion.clock[STEPS_LEFT] = MAX_STEPS + MAX_STEPS_PER_SAMPLE * samples
     for way in range(0 if split > 0 else 1, 2):
         forward = way == 1
         if not _start(system, motion, forward) > 0.0:  # the hidden mass exceeds that of the block
-            return RUNS_AWAY
+            return UNBOUNDED
         if forward and motion.mode[PHASE] == CONTACT:
             for j in range(1, rows):
                 record.event_d_time[0, j - 1] = 0.0
                 for c in range(here.z.shape[1]):
                     record.event_d_state[0, j - 1, c] = here.z[j, c]
-            _note(0, _passage(FREE, CONTACT), motion, record)
+            _record_event(0, _event_kind(FREE, CONTACT), motion, record)
             events = 1
         i, last = (split, samples - 1) if forward else (split - 1, 0)
         fresh, cleared = True, False
         while True:
             if fresh:
                 expected_signs(motion.mode, system.variant, system.slots, forward, motion.signs)
-                if not arm(stepper, system, motion, record, forward):
+                if not begin_mode(stepper, system, motion, record, forward):
                     return NOT_LINEAR
             i, h, why = run(stepper, system, motion, record, Ahead(i, last, forward, cleared))
             fresh = cleared = False
             if why == DONE:
                 break
-            if why == AWAY:
-                return RUNS_AWAY
-            if why == ENDLESS:
-                return TOO_LONG
-            if why == GONE:
+            if why == NOT_FINITE:
+                return UNBOUNDED
+            if why == STEP_LIMIT:
+                return TOO_MANY_STEPS
+            if why == LEFT_FOR_GOOD:
                 motion.mode[PLATE], motion.clock[LEFT_AT], fresh = 0.0, motion.clock[TIME], True
                 continue
-            item, when = first_crossing(reach, stepper, system, motion, h)
+            item, when = first_crossing(step_to, stepper, system, motion, h)
             if item < 0:
                 cleared = True
                 continue
             if events >= MAX_EVENTS:
-                return TOO_MANY
-            reach(stepper, system, motion, when, rows)
+                return TOO_MANY_EVENTS
+            step_to(stepper, system, motion, when, rows)
             if not math.isfinite(there.z[0, 0] + there.z[0, 1] + there.z[0, 3]):
-                return RUNS_AWAY
-            i = show(stepper, system, motion, record, i, when)
-            take(here, there, rows)
+                return UNBOUNDED
+            i = write_samples(stepper, system, motion, record, i, when)
+            copy_state(here, there, rows)
             motion.clock[TIME] += when
-            _cross(item, rows, system, motion, record, events)
+            _process_event(item, rows, system, motion, record, events)
             events += 1
             fresh = True
     return events
@@ -285,9 +285,10 @@ def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def
     """Solve in closed form at ``record.times`` (ascending, 0: first touch), in steps of any length.
 
     An incomplete last block is left out.  ``swings`` are those of ``Propagator``, then the spacing in s of most times
-    (0.0: from the times); ``room`` holds ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY,
-    TOO_LONG, or NOT_LINEAR if an effect is not linear.  60 ms at 100 kS/s take 0.1 ms for the two bodies alone, 0.3 to
-    0.5 ms with effects, 1 to 2.5 ms with derivatives; in blocks of five the latter two take 0.2 ms and 0.4 to 0.8 ms.
+    (0.0: from the times); ``room`` holds ``room_for`` zeros.  Returns the number of events, TOO_MANY_EVENTS, UNBOUNDED,
+    TOO_MANY_STEPS, or NOT_LINEAR if an effect is not linear.  60 ms at 100 kS/s take 0.1 ms for the two bodies alone,
+    0.3 to 0.5 ms with effects, 1 to 2.5 ms with derivatives; in blocks of five the latter two take 0.2 ms and 0.4 to
+    0.8 ms.
     """
     system, record = by_address(system), by_address(record)
     for row in range(record.states.shape[0] if record.block > 1 else 0):  # the sums start at zero
@@ -301,7 +302,7 @@ def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def
     if at > room.size:
         return NO_ROOM
     return march(
-        propagator.arm, propagator.run, propagator.reach, propagator.show,
+        propagator.begin_mode, propagator.run, propagator.step_to, propagator.write_samples,
         by_address(stepper), system, by_address(motion), record,
     )  # fmt: skip
 
@@ -310,8 +311,8 @@ def in_closed_form(system, record, swings, room):  # type: ignore[no-untyped-def
 def step_by_step(system, record, limits, room):  # type: ignore[no-untyped-def]
     """Solve by Runge-Kutta steps at ``record.times`` (ascending, 0: first touch); ``limits`` as in ``RungeKutta``.
 
-    ``room`` holds ``room_for`` zeros.  Returns the number of events, TOO_MANY, RUNS_AWAY or TOO_LONG.  60 ms of motion
-    take about 1.3 ms, and each derivative 1 ms more.
+    ``room`` holds ``room_for`` zeros.  Returns the number of events, TOO_MANY_EVENTS, UNBOUNDED or TOO_MANY_STEPS.  60
+    ms of motion take about 1.3 ms, and each derivative 1 ms more.
     """
     system, record = by_address(system), by_address(record)
     rows, size = system.which.size + 1, record.event_state.shape[1]
@@ -322,6 +323,6 @@ def step_by_step(system, record, limits, room):  # type: ignore[no-untyped-def]
     if at > room.size:
         return NO_ROOM
     return march(
-        runge_kutta.arm, runge_kutta.run, runge_kutta.reach, runge_kutta.show,
+        runge_kutta.begin_mode, runge_kutta.run, runge_kutta.step_to, runge_kutta.write_samples,
         by_address(stepper), system, by_address(motion), record,
     )  # fmt: skip

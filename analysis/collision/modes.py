@@ -14,7 +14,7 @@ FREE, CONTACT, PARTING, OVERLAPPED = 0, 1, 2, 3
 # Flags: spring and dashpot act, sign of the block's velocity, the plate takes part (not before the touch, nor after the
 # block has left), the mass inside the block moves, the contact law is evaluated without its force, the phase of the
 # contact; then a flag for each effect: the bodies are within its range.
-SPRING, DASH, SIGN, PLATE, INSIDE, PARTED, PHASE, NEAR_0 = 0, 1, 2, 3, 4, 5, 6, 7
+SPRING, DASHPOT, SIGN, PLATE, INNER_MASS, PARTED, PHASE, NEAR_0 = 0, 1, 2, 3, 4, 5, 6, 7
 # Guard functions: the overlap xi, its rate xi', the force of the contact law, the block's velocity, and for each effect
 # with a range the distance by which the bodies are within it (RANGE_0 + slot).
 OVERLAP, OVERLAP_RATE, FORCE, VELOCITY, RANGE_0 = 0, 1, 2, 3, 4
@@ -26,18 +26,18 @@ def set_phase(phase, mode):  # type: ignore[no-untyped-def]
     """Write the flags of a phase of the contact."""
     mode[PHASE] = phase
     mode[SPRING] = 1.0 if phase in (CONTACT, PARTING) else 0.0
-    mode[DASH] = 1.0 if phase == CONTACT else 0.0
+    mode[DASHPOT] = 1.0 if phase == CONTACT else 0.0
     mode[PARTED] = 1.0 if phase == OVERLAPPED else 0.0
 
 
 @inlined
-def may_be_gone(x, y, mode):  # type: ignore[no-untyped-def]
-    """Return whether ``is_gone`` needs to be evaluated."""
+def may_have_left_for_good(x, y, mode):  # type: ignore[no-untyped-def]
+    """Return whether ``has_left_for_good`` needs to be evaluated."""
     return mode[PHASE] == FREE and mode[PLATE] > 0.5 and x > 2e-5 + 1.5 * abs(y)
 
 
 @part
-def is_gone(z, mode, system, omega):  # type: ignore[no-untyped-def]
+def has_left_for_good(z, mode, system, omega):  # type: ignore[no-untyped-def]
     """Return whether block and plate can no longer meet, for a state ``z`` and the plate's ``omega`` in rad/s."""
     x, v, y, u = z[0], z[1], z[2], z[3]
     if not v > 0.0:

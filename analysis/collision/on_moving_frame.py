@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from analysis.collision.first_order import add_up, jump_at_event
+from analysis.collision.first_order import jump_at_event, weighted_sum
 from analysis.collision.linearisation import LinearPath
 from analysis.collision.parameters import Collision, Floats
 from analysis.compiled import by_address, kernel, part
@@ -76,7 +76,7 @@ def _follow(path, pull, omega, rows, room, which, weights, shown, after):  # typ
                 weights[k] = path.propagator[r, i, k]
             for point in range(3):
                 weights[n + point] = pull[r, point, i]
-            add_up(rows, weights, which, n + 3, new[i])
+            weighted_sum(rows, weights, which, n + 3, new[i])
         for i in range(n):
             for c in range(2 * count):
                 state[i, c] = new[i, c]

@@ -13,7 +13,7 @@ from analysis.compiled import by_address, cut, inlined, kernel, part
 # displacement (m) and velocity (m/s) of the contact point.
 INPUTS = 6
 _INERTIA = 3
-_STILL, _HELD = 1e-9, 16  # if A changes by less than this share over a step, the next 16 reuse it
+_CONSTANT_SHARE, _REUSED_STEPS = 1e-9, 16  # if A changes by less than this share over a step, the next 16 reuse it
 _ROUNDING = 1e-12  # of the largest element of a row
 NONE, FRESH = -1, -2  # a step starts at the previous step's end, or anew; otherwise at a guard function's zero
 
@@ -37,8 +37,8 @@ class Matrices(NamedTuple):
     propagator: Floats
     weights: Floats
     effect_inputs: Floats
-    kick: Floats
-    watch: Floats
+    event_jump: Floats
+    event_gradient: Floats
 
 
 @inlined
@@ -51,7 +51,7 @@ def _inertia(state, z, one, system, mode, e):  # type: ignore[no-untyped-def]
 
 
 @part
-def _look(state, z, rows, system, mode, a, e):  # type: ignore[no-untyped-def]
+def _write_matrices_at(state, z, rows, system, mode, a, e):  # type: ignore[no-untyped-def]
     """Write A (n, n) and E (n, 6) at a state."""
     n = a.shape[0]
     for i in range(n):
@@ -69,7 +69,7 @@ def _look(state, z, rows, system, mode, a, e):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _tell(system, given):  # type: ignore[no-untyped-def]
+def _write_effect_inputs(system, given):  # type: ignore[no-untyped-def]
     """Write the arguments of an effect's function at the last evaluated state."""
     for i in range(STATES):
         given[i] = system.effect_input[i]
@@ -77,7 +77,7 @@ def _tell(system, given):  # type: ignore[no-untyped-def]
 
 
 @part
-def _alike(one, two):  # type: ignore[no-untyped-def]
+def _nearly_equal(one, two):  # type: ignore[no-untyped-def]
     """Return whether two matrices are equal within the change allowed for their reuse."""
     for i in range(one.shape[0]):
         size = 0.0
@@ -85,7 +85,7 @@ def _alike(one, two):  # type: ignore[no-untyped-def]
             size = max(size, abs(one[i, j]))
         for j in range(one.shape[1]):
             inertia = one.shape[1] == INPUTS and j == _INERTIA  # evaluated at every point anyway
-            if not inertia and abs(one[i, j] - two[i, j]) > _STILL * abs(one[i, j]) + _ROUNDING * size:
+            if not inertia and abs(one[i, j] - two[i, j]) > _CONSTANT_SHARE * abs(one[i, j]) + _ROUNDING * size:
                 return False
     return True
 
@@ -114,21 +114,21 @@ def _propagate(a0, a1, a2, h, out, work, term):  # type: ignore[no-untyped-def]
 
 
 @part
-def _jump(r, one, state, aside, system, steps, kick, watch):  # type: ignore[no-untyped-def]
+def _jump(r, one, state, aside, system, steps, event_jump, event_gradient):  # type: ignore[no-untyped-def]
     """Write the jump of the state at the event at which a step starts."""
-    item, n, size = steps.item[r], kick.size, state.z.shape[1]
+    item, n, size = steps.item[r], event_jump.size, state.z.shape[1]
     for i in range(n):
         state.z[0, i] = steps.states[r, 0, i]
     rates(state, n + 2, system.which, system, steps.modes[steps.event[r - 1]])
     for j in range(n + 1):
-        watch[j] = guard_derivative(item, 1 + j, -1, state, system)
+        event_gradient[j] = guard_derivative(item, 1 + j, -1, state, system)
     for c in range(size):
         aside.z[0, c], aside.z[1, c] = state.z[0, c], state.f[0, c]
     rates(aside, aside.z.shape[0], system.which, system, steps.modes[steps.event[r - 1]])
     pace = guard_derivative(item, one, -1, aside, system)
     rates(aside, one, system.which, system, steps.modes[steps.event[r]])
     for j in range(n):
-        kick[j] = -(state.f[0, j] - aside.f[0, j]) / pace
+        event_jump[j] = -(state.f[0, j] - aside.f[0, j]) / pace
 
 
 def room_for(n: int) -> int:
@@ -140,8 +140,8 @@ def room_for(n: int) -> int:
 def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
     """Write the matrices of every step; return False if ``room`` is too small.  About 1 us each, less if constant.
 
-    If A and E are constant over a step, as for most effects within a mode, they are reused for _HELD steps.  ``room``
-    holds ``room_for`` zeros.
+    If A and E are constant over a step, as for most effects within a mode, they are reused for _REUSED_STEPS steps.
+    ``room`` holds ``room_for`` zeros.
     """
     system, steps, out = by_address(system), by_address(steps), by_address(out)
     n, size = out.propagator.shape[1], 4 * ((out.propagator.shape[1] + 5) // 4)
@@ -163,10 +163,10 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
     for r in range(steps.length_s.size):
         linked, length, mode = steps.item[r] == NONE, steps.length_s[r], steps.modes[steps.event[r]]
         if steps.item[r] >= 0:
-            _jump(r, one, state, aside, system, steps, out.kick[r], out.watch[r])
+            _jump(r, one, state, aside, system, steps, out.event_jump[r], out.event_gradient[r])
         if not linked:
-            _look(state, steps.states[r, 0], rows, system, mode, a[0], e[0])
-            _tell(system, out.effect_inputs[r, 0])
+            _write_matrices_at(state, steps.states[r, 0], rows, system, mode, a[0], e[0])
+            _write_effect_inputs(system, out.effect_inputs[r, 0])
             hold, resting = 0, False
         rested, resting = resting, hold > 0
         same = rested and resting  # as in the previous step, except the inertia column
@@ -174,33 +174,33 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
             if same:
                 e[0, 1, _INERTIA] = e[2, 1, _INERTIA]
             else:
-                _put(a[2], a[0])
-                _put(e[2], e[0])
+                _copy(a[2], a[0])
+                _copy(e[2], e[0])
             for j in range(STATES):
                 out.effect_inputs[r, 0, j] = out.effect_inputs[r - 1, 2, j]
         if resting:
             hold -= 1
             if not same:
-                _put(a[0], a[2])
-                _put(e[0], e[2])
+                _copy(a[0], a[2])
+                _copy(e[0], e[2])
         if resting:
             _inertia(state, steps.states[r, 2], one, system, mode, e[2])
         else:
-            _look(state, steps.states[r, 2], rows, system, mode, a[2], e[2])
-        _tell(system, out.effect_inputs[r, 2])
-        if not resting and _alike(a[0], a[2]) and _alike(e[0], e[2]):
-            hold = _HELD
-        still = resting or hold == _HELD
+            _write_matrices_at(state, steps.states[r, 2], rows, system, mode, a[2], e[2])
+        _write_effect_inputs(system, out.effect_inputs[r, 2])
+        if not resting and _nearly_equal(a[0], a[2]) and _nearly_equal(e[0], e[2]):
+            hold = _REUSED_STEPS
+        still = resting or hold == _REUSED_STEPS
         if still and not same:
-            _put(a[0], a[1])
-            _put(e[0], e[1])
+            _copy(a[0], a[1])
+            _copy(e[0], e[1])
         if still:
             _inertia(state, steps.states[r, 1], one, system, mode, e[1])
         else:
-            _look(state, steps.states[r, 1], rows, system, mode, a[1], e[1])
-        _tell(system, out.effect_inputs[r, 1])
+            _write_matrices_at(state, steps.states[r, 1], rows, system, mode, a[1], e[1])
+        _write_effect_inputs(system, out.effect_inputs[r, 1])
         if same and abs(length - steps.length_s[r - 1]) < 1e-9 * abs(length):
-            _weigh_again(r, length, e, half, out)
+            _update_inertia_weights(r, length, e, half, out)
             continue
         for j in range(n):
             for m in range(n):
@@ -220,19 +220,19 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
 
 
 @part
-def _put(one, to):  # type: ignore[no-untyped-def]
+def _copy(one, to):  # type: ignore[no-untyped-def]
     for i in range(one.shape[0]):
         for j in range(one.shape[1]):
             to[i, j] = one[i, j]
 
 
 @part
-def _weigh_again(r, at, e, half, out):  # type: ignore[no-untyped-def]
+def _update_inertia_weights(r, at, e, half, out):  # type: ignore[no-untyped-def]
     """Write a step's matrices when only the inertia column differs from the previous step."""
     n = half.shape[0]
-    _put(out.propagator[r - 1], out.propagator[r])
+    _copy(out.propagator[r - 1], out.propagator[r])
     for point in range(3):
-        _put(out.weights[r - 1, point], out.weights[r, point])
+        _copy(out.weights[r - 1, point], out.weights[r, point])
     for j in range(n):
         out.weights[r, 0, j, _INERTIA] = at / 6.0 * out.propagator[r, j, 1] * e[0, 1, _INERTIA]
         out.weights[r, 1, j, _INERTIA] = at / 1.5 * half[j, 1] * e[1, 1, _INERTIA]

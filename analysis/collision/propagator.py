@@ -10,7 +10,15 @@ that are not linear are left to ``runge_kutta``.
 import math
 from typing import NamedTuple
 
-from analysis.collision.exponentials import along, exponential, repeat, series, show_mean, step, step_alone
+from analysis.collision.exponentials import (
+    add_block_mean,
+    block_matrices,
+    exponential,
+    row_times_state,
+    series,
+    step,
+    step_without_derivatives,
+)
 from analysis.collision.matrices import (
     SLOW,
     STEP_S,
@@ -32,18 +40,18 @@ from analysis.collision.modes import (
     PLATE,
     RANGE_0,
     VELOCITY,
-    is_gone,
-    may_be_gone,
+    has_left_for_good,
+    may_have_left_for_good,
     may_touch,
 )
 from analysis.collision.parameters import Floats
 from analysis.collision.rates import rates
 from analysis.collision.system import (
-    AT_A_GUARD,
-    AWAY,
     DONE,
-    ENDLESS,
-    GONE,
+    LEFT_FOR_GOOD,
+    MAY_CONTAIN_EVENT,
+    NOT_FINITE,
+    STEP_LIMIT,
     STEPS_LEFT,
     TIME,
     Ahead,
@@ -51,16 +59,16 @@ from analysis.collision.system import (
     State,
     state_of,
 )
-from analysis.collision.two_bodies import glide, glide_in_blocks
+from analysis.collision.two_bodies import step_two_bodies, step_two_bodies_in_blocks
 from analysis.compiled import by_address, cut, cut_integers, inlined, part
 
 _STEP = 0.7  # longest step times the fastest rate: nine steps per period, so that no touch is missed
 _LONGEST_S = 1e-3
-_SHORTEST = 2e-6  # shortest step as a share of the time from touch to furthest sample: at most half a million steps
+_MIN_STEP = 2e-6  # shortest step as a share of the time from touch to furthest sample: at most half a million steps
 _MODES = 16  # number of modes whose matrices are stored
 # Indices into ``at``: the present mode, the number of modes met, steps left to the next sample, first sample of a block
 # that must be checked step by step.
-NOW, MET, LEFT, CAREFUL = 0, 1, 2, 3
+PRESENT, MODES_MET, STEPS_TO_SAMPLE, CHECKED_BLOCK = 0, 1, 2, 3
 
 
 class Propagator(NamedTuple):
@@ -84,36 +92,36 @@ class Propagator(NamedTuple):
 
 
 @part
-def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
+def begin_mode(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
     here, mode, at, z = motion.here, motion.mode, stepper.at, stepper.z[0]
     rows, n = system.which.size + 1, system.numbers
     for c in range(n):
         for k in range(rows):
             z[c, k] = here.z[k, c]
     z[n, 0] = 1.0
-    at[LEFT] = 0
+    at[STEPS_TO_SAMPLE] = 0
     used = 0
     for item in range(motion.signs.size):
         if motion.signs[item] != 0.0:
             used += 1
             stepper.active[used] = item
     stepper.active[0] = used
-    for k in range(min(at[MET], _MODES)):
+    for k in range(min(at[MODES_MET], _MODES)):
         same = True
         for c in range(mode.size):
             same = same and stepper.modes[k, c] == mode[c]
         if same:
-            at[NOW] = k
+            at[PRESENT] = k
             return True
-    at[NOW] = at[MET] % _MODES
-    at[MET] += 1
+    at[PRESENT] = at[MODES_MET] % _MODES
+    at[MODES_MET] += 1
     for c in range(mode.size):
-        stepper.modes[at[NOW], c] = mode[c]
-    return _learn(stepper, by_address(form_at(stepper.kept, at[NOW])), system, mode, record.block, forward)
+        stepper.modes[at[PRESENT], c] = mode[c]
+    return _linearise_mode(stepper, by_address(form_at(stepper.kept, at[PRESENT])), system, mode, record.block, forward)
 
 
 @part
-def _learn(stepper, form, system, mode, block, forward):  # type: ignore[no-untyped-def]
+def _linearise_mode(stepper, form, system, mode, block, forward):  # type: ignore[no-untyped-def]
     """Write the matrices of a mode at its first occurrence; return False if it is not linear."""
     if not linearise(form, stepper.plain, stepper.every, system, mode):
         return False
@@ -131,7 +139,7 @@ def _learn(stepper, form, system, mode, block, forward):  # type: ignore[no-unty
         form.shown[4, c] = (form.guard[OVERLAP, c] if there else 0.0) if c != 0 and c != 2 else 0.0
     form.shown[4, 2] = 1.0
     if block > 1 and pieces == 1:
-        repeat(form, stepper.room, rows, block)
+        block_matrices(form, stepper.room, rows, block)
     return True
 
 
@@ -141,13 +149,13 @@ def _crosses(z, z_end, h, form, active, signs):  # type: ignore[no-untyped-def]
     for k in range(1, active[0] + 1):
         item = active[k]
         sign = signs[item]
-        if along(form.guard, item, z_end) * sign < 0.0:
+        if row_times_state(form.guard, item, z_end) * sign < 0.0:
             return True
         if item != VELOCITY:
-            rate_end = along(form.guard_rate, item, z_end) * sign
+            rate_end = row_times_state(form.guard_rate, item, z_end) * sign
             if rate_end * h > 0.0:
-                rate = along(form.guard_rate, item, z) * sign
-                if may_touch(along(form.guard, item, z) * sign, rate, rate_end, h):
+                rate = row_times_state(form.guard_rate, item, z) * sign
+                if may_touch(row_times_state(form.guard, item, z) * sign, rate, rate_end, h):
                     return True
     return False
 
@@ -159,7 +167,7 @@ def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
     for c in range(z.shape[0]):
         near[c, 0] = further[c, 0] = z[c, 0]
     for _ in range(block):
-        step_alone(near, form.e, further)
+        step_without_derivatives(near, form.e, further)
         if _crosses(near, further, form.steps[STEP_S], form, stepper.active, motion.signs):
             return True
         for c in range(z.shape[0] - 1):
@@ -169,51 +177,51 @@ def _may_cross(z, form, block, motion, stepper):  # type: ignore[no-untyped-def]
 
 @part
 def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
-    form, times, block = by_address(form_at(stepper.kept, stepper.at[NOW])), record.times, record.block
+    form, times, block = by_address(form_at(stepper.kept, stepper.at[PRESENT])), record.times, record.block
     rows, forward, last, cleared = system.which.size + 1, ahead.forward, ahead.last, ahead.cleared
     alone = rows == 1 and system.numbers == 4 and stepper.active[0] <= 2 and (block == 1 or form.steps[SLOW] > 0.5)
     bit, pieces, spacing, share = form.steps[STEP_S], int(form.steps[STEPS_PER_SAMPLE]), stepper.spacing_s, 1.0 / block
     z, z_end, odd = stepper.z[0], stepper.z[1], False
-    i, t, left, h, why = ahead.i, motion.clock[TIME], stepper.at[LEFT], 0.0, DONE
+    i, t, left, h, why = ahead.i, motion.clock[TIME], stepper.at[STEPS_TO_SAMPLE], 0.0, DONE
     omega, steps_left = math.sqrt(system.p[0] / system.p[1]), motion.clock[STEPS_LEFT]
     way, edge = (1, 0) if forward else (-1, block - 1)  # direction, and the first sample of a block in it
     while (i <= last) if forward else (i >= last):
-        if forward and may_be_gone(z[0, 0], z[2, 0], motion.mode):
-            _lay(z, motion.here, 1)
-            if is_gone(motion.here.z[0], motion.mode, system, omega):
-                why = GONE
+        if forward and may_have_left_for_good(z[0, 0], z[2, 0], motion.mode):
+            _copy_to_state(z, motion.here, 1)
+            if has_left_for_good(motion.here.z[0], motion.mode, system, omega):
+                why = LEFT_FOR_GOOD
                 break
-        if alone and pieces == 1 and not cleared and (block == 1 or (left == 0 and i != stepper.at[CAREFUL])):
+        if alone and pieces == 1 and not cleared and (block == 1 or (left == 0 and i != stepper.at[CHECKED_BLOCK])):
             before, here = i, Ahead(i, last, forward, cleared)
             if block == 1:
-                i, t = glide(z, form, motion, stepper.active, record, here, t)
+                i, t = step_two_bodies(z, form, motion, stepper.active, record, here, t)
             else:
-                i, t = glide_in_blocks(z, form, motion, stepper.active, record, here, t)
+                i, t = step_two_bodies_in_blocks(z, form, motion, stepper.active, record, here, t)
             if i != before:
                 continue
         steps_left -= 1.0
         if steps_left < 0.0:
-            why = ENDLESS
+            why = STEP_LIMIT
             break
         remaining = times[i] - t
         if left == 0 and abs(remaining) < 1e-14:
-            _emit(z, form, i // block, share, rows, record)
+            _write_sample(z, form, i // block, share, rows, record)
             i += way
             continue
         even = left > 0 or abs(remaining - way * spacing) < 2e-15
-        if i % block == edge and even and block > 1 and pieces == 1 and i != stepper.at[CAREFUL]:
+        if i % block == edge and even and block > 1 and pieces == 1 and i != stepper.at[CHECKED_BLOCK]:
             slow = form.steps[SLOW] > 0.5
             if not slow and _may_cross(z, form, block, motion, stepper):
-                stepper.at[CAREFUL] = i
+                stepper.at[CHECKED_BLOCK] = i
                 continue
             if rows > 1:
                 step(z, form.whole, form.d_whole, z_end)
             else:
-                step_alone(z, form.whole, z_end)
+                step_without_derivatives(z, form.whole, z_end)
             if slow and _crosses(z, z_end, block * bit, form, stepper.active, motion.signs):
-                stepper.at[CAREFUL] = i
+                stepper.at[CHECKED_BLOCK] = i
                 continue
-            show_mean(z, rows, form, record.states[i // block], record.d_x[i // block], stepper.room.columns[0, 0])
+            add_block_mean(z, rows, form, record.states[i // block], record.d_x[i // block], stepper.room.columns[0, 0])
             t += block * bit
             i += way * block
         else:
@@ -227,15 +235,15 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
             elif rows > 1:
                 step(z, form.e, form.d, z_end)
             else:
-                step_alone(z, form.e, z_end)
+                step_without_derivatives(z, form.e, z_end)
             if not cleared and _crosses(z, z_end, h, form, stepper.active, motion.signs):
-                why = AT_A_GUARD
+                why = MAY_CONTAIN_EVENT
                 break
             cleared = False
             t += h
             left = left_then
         if not math.isfinite(z_end[0, 0] + z_end[1, 0] + z_end[3, 0]):
-            why = AWAY
+            why = NOT_FINITE
             break
         z, z_end = z_end, z
         odd = not odd
@@ -243,15 +251,15 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
         for c in range(system.numbers):
             for k in range(z.shape[1]):
                 stepper.z[0, c, k] = z[c, k]
-    _lay(stepper.z[0], motion.here, 1)
-    motion.clock[TIME], motion.clock[STEPS_LEFT], stepper.at[LEFT] = t, steps_left, left
-    if why == GONE:  # another mode begins here, with all derivatives
-        _lay(stepper.z[0], motion.here, rows)
+    _copy_to_state(stepper.z[0], motion.here, 1)
+    motion.clock[TIME], motion.clock[STEPS_LEFT], stepper.at[STEPS_TO_SAMPLE] = t, steps_left, left
+    if why == LEFT_FOR_GOOD:  # another mode begins here, with all derivatives
+        _copy_to_state(stepper.z[0], motion.here, rows)
     return i, h, why
 
 
 @inlined
-def _lay(z, state, rows):  # type: ignore[no-untyped-def]
+def _copy_to_state(z, state, rows):  # type: ignore[no-untyped-def]
     """Copy the first ``rows`` columns to the rows of a state."""
     for k in range(rows):
         for c in range(z.shape[0] - 1):
@@ -259,28 +267,28 @@ def _lay(z, state, rows):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _emit(z, form, row, share, rows, record):  # type: ignore[no-untyped-def]
+def _write_sample(z, form, row, share, rows, record):  # type: ignore[no-untyped-def]
     """Write a sample, or add it to the mean of its block."""
     states, d_x = record.states, record.d_x
     sums = share < 1.0
     for j in range(4):
         states[row, j] = share * z[j, 0] + (states[row, j] if sums else 0.0)
     for j in range(4, states.shape[1]):
-        states[row, j] = share * along(form.shown, j, z) + (states[row, j] if sums else 0.0)
+        states[row, j] = share * row_times_state(form.shown, j, z) + (states[row, j] if sums else 0.0)
     for k in range(1, rows):
         d_x[row, k - 1] = share * z[0, k] + (d_x[row, k - 1] if sums else 0.0)
 
 
 @part
-def reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
+def step_to(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
     probe = stepper.room.columns[2]
-    series(stepper.z[0], rows, by_address(form_at(stepper.kept, stepper.at[NOW])), h, probe, stepper.room)
-    _lay(probe, motion.there, rows)
+    series(stepper.z[0], rows, by_address(form_at(stepper.kept, stepper.at[PRESENT])), h, probe, stepper.room)
+    _copy_to_state(probe, motion.there, rows)
     rates(motion.there, rows, system.which, system, motion.mode)
 
 
 @part
-def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
+def write_samples(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
     """Return ``i``: steps end at samples, so no sample lies within a step."""
     return i
 
@@ -292,7 +300,7 @@ def _spacing(times):  # type: ignore[no-untyped-def]
     if samples < 2:
         return _LONGEST_S
     first, mean = times[1] - times[0], (times[samples - 1] - times[0]) / (samples - 1)
-    least = _SHORTEST * max(abs(times[0]), abs(times[samples - 1]), 1e-3)
+    least = _MIN_STEP * max(abs(times[0]), abs(times[samples - 1]), 1e-3)
     return max(mean if abs(mean - first) < 1e-9 * first else first, least)
 
 
@@ -309,7 +317,7 @@ def stepper_of(system, record, swings, room, at):  # type: ignore[no-untyped-def
     z, at = cut(room, at, (2, n + 1, columns(rows)))
     z[0, n, 0] = z[1, n, 0] = 1.0
     now, at = cut_integers(room, at, (4,))
-    now[CAREFUL] = -1
+    now[CHECKED_BLOCK] = -1
     active, at = cut_integers(room, at, (1 + RANGE_0 + slots,))
     modes, at = cut(room, at, (_MODES, NEAR_0 + slots))
     plain, at = state_of(n + rows, n, room, at)

@@ -31,7 +31,7 @@ from analysis.collision.effects.kernel import (
     Y,
     call_within,
 )
-from analysis.collision.modes import DASH, INSIDE, NEAR_0, PARTED, PLATE, SIGN, SPRING
+from analysis.collision.modes import DASHPOT, INNER_MASS, NEAR_0, PARTED, PLATE, SIGN, SPRING
 from analysis.collision.system import FIRST, HIDDEN, IS_PAIR, MOVES, ON_PLATE_SIDE, RIDES
 from analysis.compiled import inlined, part
 
@@ -67,7 +67,7 @@ def _takes_part(slot, slots, flags):  # type: ignore[no-untyped-def]
         return flags[PLATE] > 0.5 or flags[NEAR_0 + slot] > 0.5
     if slots[slot, ON_PLATE_SIDE] > 0.5:
         return flags[PLATE] > 0.5
-    return slots[slot, RIDES] == 0.0 or flags[INSIDE] > 0.5
+    return slots[slot, RIDES] == 0.0 or flags[INNER_MASS] > 0.5
 
 
 @inlined
@@ -84,7 +84,7 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
     # released while the bodies overlap (a contact that never pulls): the law is evaluated, but no force acts
     parted = flags[PARTED] > 0.5
     touching = 1.0 if parted else flags[SPRING]
-    dash = 1.0 if parted else flags[DASH]
+    dash = 1.0 if parted else flags[DASHPOT]
     law = touching * (p[2] * xi + p[3] * dash * xi_rate)
     if slots.shape[0] > 0:
         s[X], s[V], s[Y], s[U] = x, v, y, u
@@ -161,7 +161,7 @@ def derivative_rates(state, rows, which, system, flags, mass):  # type: ignore[n
     k_n, g_n = p[2], p[3]
     parted = flags[PARTED] > 0.5
     touching = 1.0 if parted else flags[SPRING]
-    dash = 1.0 if parted else flags[DASH]
+    dash = 1.0 if parted else flags[DASHPOT]
     force = 0.0 if parted else contact[0, 2]
     for row in range(1, rows):
         by = which[row - 1]

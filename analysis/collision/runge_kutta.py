@@ -13,43 +13,53 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.modes import FREE, PHASE, PLATE, VELOCITY, guard, guard_rate, is_gone, may_be_gone, may_touch
+from analysis.collision.modes import (
+    FREE,
+    PHASE,
+    PLATE,
+    VELOCITY,
+    guard,
+    guard_rate,
+    has_left_for_good,
+    may_have_left_for_good,
+    may_touch,
+)
 from analysis.collision.parameters import Floats
 from analysis.collision.rates import derivative_rates, rates, state_rates
 from analysis.collision.system import (
-    AT_A_GUARD,
-    AWAY,
     DONE,
-    ENDLESS,
-    GONE,
     HIDDEN,
     LEFT_AT,
+    LEFT_FOR_GOOD,
+    MAY_CONTAIN_EVENT,
     MOVES,
+    NOT_FINITE,
+    STEP_LIMIT,
     STEPS_LEFT,
     TIME,
     State,
-    take,
+    copy_state,
 )
 from analysis.compiled import add_product, by_address, cut, four_of, inlined, part, put_four
 
 Places = NDArray[np.int64]
 _SHRINK = 0.25
-_SLOWLY = 6  # number of steps without growth after a rejected step
+_STEPS_WITHOUT_GROWTH = 6  # after a rejected step
 # Indices into ``memory``: the next step, the longest safe step in this mode, the longest step of all, the number of
 # steps that must not grow, and the motion's sixth derivative over 720 (below zero: unknown).
 STEP, LONGEST, EVER, HELD, SIXTH = 0, 1, 2, 3, 4
 _MEMORY = 5
 # Indices into ``limits``: the first of the safe steps and of the rates, one per mode (``_mode_at``), then the others.
 SAFE, SWINGS, EFFECTS, GROWTH, NEARING, ALLOWED, SHORTEST = 0, 4, 8, 9, 10, 11, 12
-_COSTS = 20.0  # computing time of a step, in steps of the closed form
-_RADIANS = 2.0  # largest phase step of the fastest oscillation once it has decayed: the method is stable up to three
+_COST_OF_STEP = 20.0  # computing time of a step, in steps of the closed form
+_MAX_PHASE = 2.0  # largest phase step of the fastest oscillation once it has decayed: the method is stable up to three
 _MIDWAY = 1.0 / 64.0  # error of a quintic midway between two states, in units of h^6 times sixth derivative over 720
-_PLATE = 0.02  # weight of an error of the plate relative to one of the block
+_PLATE_WEIGHT = 0.02  # weight of an error of the plate relative to one of the block
 _NEARING = 0.4  # largest share of the distance to the next touch or release for a step longer than safe
-_CHANGE = 1e-3  # relative change of a parameter at which the error of a derivative is judged
-_FORGOTTEN = 0.5  # decay per radian of the remembered sixth derivative, which passes zero twice per period
-_SUDDEN = 4.0  # growth of the sixth derivative that indicates a kink: the step is repeated as a safe one
-_REFUSED = 30.0  # times the allowed error, above which the step is repeated as a safe one
+_PARAMETER_CHANGE = 1e-3  # relative change of a parameter at which the error of a derivative is judged
+_DECAY_PER_RADIAN = 0.5  # decay per radian of the remembered sixth derivative, which passes zero twice per period
+_KINK_GROWTH = 4.0  # growth of the sixth derivative that indicates a kink: the step is repeated as a safe one
+_REFUSED_ERROR = 30.0  # times the allowed error, above which the step is repeated as a safe one
 
 
 class RungeKutta(NamedTuple):
@@ -129,17 +139,17 @@ def _step(stepper, system, here, there, mode, h, rows):  # type: ignore[no-untyp
 
 
 @part
-def reach(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
+def step_to(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
     _step(stepper, system, motion.here, motion.there, motion.mode, h, rows)
 
 
 @part
-def arm(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
+def begin_mode(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
     here, mode, memory, limits = motion.here, motion.mode, stepper.memory, stepper.limits
     rates(here, system.which.size + 1, system.which, system, mode)
     mode_at = _mode_at(mode, forward)
     longest, swing = limits[SAFE + mode_at], limits[SWINGS + mode_at]
-    memory[EVER] = max(longest, min(_RADIANS / swing, limits[EFFECTS]) if swing > 0.0 else longest)
+    memory[EVER] = max(longest, min(_MAX_PHASE / swing, limits[EFFECTS]) if swing > 0.0 else longest)
     memory[LONGEST], memory[STEP], memory[HELD], memory[SIXTH] = longest, longest * limits[SHORTEST], 0.0, -1.0
     return True
 
@@ -162,7 +172,7 @@ def _fifth(one, other, place, row, h):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _still_enough(stepper, system, here, there, swing, h):  # type: ignore[no-untyped-def]
+def _error_allowed(stepper, system, here, there, swing, h):  # type: ignore[no-untyped-def]
     """Return whether the error of a step is allowed, and store the sixth derivative for the next step.
 
     For an oscillation of rate ``swing``, the quintic's error scales with the sixth derivative and the method's error
@@ -172,19 +182,19 @@ def _still_enough(stepper, system, here, there, swing, h):  # type: ignore[no-un
     longest, ever = memory[LONGEST], memory[EVER]
     if h < 0.5 * longest or ever <= longest:  # too short for an error estimate, or no longer step is possible
         return True
-    fifth = max(_fifth(here, there, 0, 0, h), _PLATE * _fifth(here, there, 2, 0, h))
+    fifth = max(_fifth(here, there, 0, 0, h), _PLATE_WEIGHT * _fifth(here, there, 2, 0, h))
     for row in range(1, system.which.size + 1):
         by = system.which[row - 1]
         if by >= 0:
-            fifth = max(fifth, _CHANGE * abs(system.p[by]) * _fifth(here, there, 0, row, h))
+            fifth = max(fifth, _PARAMETER_CHANGE * abs(system.p[by]) * _fifth(here, there, 0, row, h))
     sixth, known = fifth * swing / 6.0, memory[SIXTH]
-    memory[SIXTH] = max(sixth, known / (1.0 + _FORGOTTEN * swing * h))
+    memory[SIXTH] = max(sixth, known / (1.0 + _DECAY_PER_RADIAN * swing * h))
     error = _MIDWAY * sixth * h**6 * max(1.0, (swing * h) ** 3)
-    return h <= longest or (error <= _REFUSED * allowed and sixth <= _SUDDEN * known)
+    return h <= longest or (error <= _REFUSED_ERROR * allowed and sixth <= _KINK_GROWTH * known)
 
 
 @inlined
-def _next(stepper, swing):  # type: ignore[no-untyped-def]
+def _longest_step(stepper, swing):  # type: ignore[no-untyped-def]
     """Return the longest step that the motion allows at present."""
     memory = stepper.memory
     longest, sixth = memory[LONGEST], memory[SIXTH]
@@ -223,17 +233,17 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     swing = stepper.limits[SWINGS + _mode_at(motion.mode, ahead.forward)]
     omega, way = math.sqrt(system.p[0] / system.p[1]), 1.0 if ahead.forward else -1.0
     while (i <= ahead.last) if ahead.forward else (i >= ahead.last):
-        far = ahead.forward and may_be_gone(here.z[0, 0], here.z[0, 2], motion.mode)
-        if far and is_gone(here.z[0], motion.mode, system, omega):
-            return i, 0.0, GONE
-        motion.clock[STEPS_LEFT] -= _COSTS
+        far = ahead.forward and may_have_left_for_good(here.z[0, 0], here.z[0, 2], motion.mode)
+        if far and has_left_for_good(here.z[0], motion.mode, system, omega):
+            return i, 0.0, LEFT_FOR_GOOD
+        motion.clock[STEPS_LEFT] -= _COST_OF_STEP
         if motion.clock[STEPS_LEFT] < 0.0:
-            return i, 0.0, ENDLESS
+            return i, 0.0, STEP_LIMIT
         t = motion.clock[TIME]
         remaining = abs(times[ahead.last] - t)
         if remaining <= 0.0:
             remaining = longest
-        h = min(memory[STEP], _next(stepper, swing))
+        h = min(memory[STEP], _longest_step(stepper, swing))
         if (nearing > 0.0 or h > longest) and here.contact[0, 1] * signs[0] < 0.0 < here.contact[0, 0] * signs[0]:
             least = shortest if nearing > 0.0 else longest  # a touch or release is approached in safe steps
             h = min(h, max((nearing or _NEARING) * abs(here.contact[0, 0] / here.contact[0, 1]), least))
@@ -242,18 +252,18 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
         _step(stepper, system, here, there, motion.mode, signed, rows)
         if not cleared and _crossed(motion, system, signed):
             if h <= shortest:
-                return i, signed, AT_A_GUARD
-            memory[STEP], memory[HELD] = max(h * _SHRINK, shortest), _SLOWLY
+                return i, signed, MAY_CONTAIN_EVENT
+            memory[STEP], memory[HELD] = max(h * _SHRINK, shortest), _STEPS_WITHOUT_GROWTH
             continue
         cleared = False
         if not math.isfinite(there.z[0, 0] + there.z[0, 1] + there.z[0, 3]):
-            return i, signed, AWAY
-        if not _still_enough(stepper, system, here, there, swing, h):  # repeat as a safe step
+            return i, signed, NOT_FINITE
+        if not _error_allowed(stepper, system, here, there, swing, h):  # repeat as a safe step
             memory[STEP] = longest
             continue
         if (times[i] - t) * way <= h:
-            i = show(stepper, system, motion, record, i, signed)
-        take(here, there, rows)
+            i = write_samples(stepper, system, motion, record, i, signed)
+        copy_state(here, there, rows)
         motion.clock[TIME] = t + signed
         if memory[HELD] > 0.0:
             memory[HELD] -= 1.0
@@ -290,7 +300,7 @@ def _cubic(one, other, place, h, at):  # type: ignore[no-untyped-def]
 
 
 @part
-def show(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
+def write_samples(stepper, system, motion, record, i, h):  # type: ignore[no-untyped-def]
     here, there, slots, states = motion.here, motion.there, system.slots, record.states
     t, way = motion.clock[TIME], 1 if h >= 0.0 else -1
     while 0 <= i < record.times.size and (record.times[i] - t) * way <= h * way:

@@ -14,8 +14,8 @@ SLOT_PARAMETERS = 8
 IS_PAIR, HIDDEN, MOVES, ON_PLATE_SIDE, RIDES, RANGE_AT, FIRST, RATE_AT = 0, 1, 2, 3, 4, 5, 6, 7
 SLOT_COLUMNS = 8
 MAX_EVENTS = 400
-STEPS_IN_ALL, STEPS_A_SAMPLE = 1e6, 10.0  # step limits: a fifth of a second, where a usual solution takes 1 ms
-DONE, AT_A_GUARD, GONE, AWAY, ENDLESS = 0, 1, 2, 3, 4  # why a stepper stopped
+MAX_STEPS, MAX_STEPS_PER_SAMPLE = 1e6, 10.0  # step limits: a fifth of a second, where a usual solution takes 1 ms
+DONE, MAY_CONTAIN_EVENT, LEFT_FOR_GOOD, NOT_FINITE, STEP_LIMIT = 0, 1, 2, 3, 4  # why a stepper stopped
 TIME, LEFT_AT, STEPS_LEFT = 0, 1, 2  # indices into ``clock``
 
 
@@ -108,7 +108,7 @@ def state_of(rows, size, room, at):  # type: ignore[no-untyped-def]
 
 
 @part
-def take(here, there, rows):  # type: ignore[no-untyped-def]
+def copy_state(here, there, rows):  # type: ignore[no-untyped-def]
     """Copy ``there`` to ``here``, the start of the next step."""
     for j in range(rows):
         for c in range(here.z.shape[1]):

@@ -1,7 +1,7 @@
 """Step two bodies without hidden states from sample to sample, with the propagator in registers (kernels)."""
 
 from analysis.collision.matrices import STEP_S
-from analysis.collision.modes import OVERLAP, VELOCITY, may_be_gone
+from analysis.collision.modes import OVERLAP, VELOCITY, may_have_left_for_good
 from analysis.compiled import inlined, part
 
 
@@ -12,11 +12,11 @@ def _along(g, sign):  # type: ignore[no-untyped-def]
 
 
 @part
-def glide(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped-def]
+def step_two_bodies(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped-def]
     """Step block and plate while the grid is even and no guard function (at most two) may pass zero.
 
-    Returns (next sample, time reached); ``z`` is the state, shape (5, 1).  Uses the arithmetic of ``step_alone``; takes
-    about 10 ns per sample.
+    Returns (next sample, time reached); ``z`` is the state, shape (5, 1).  Uses the arithmetic of
+    ``step_without_derivatives``; takes about 10 ns per sample.
     """
     h, states, times, signs = form.steps[STEP_S], record.states, record.times, motion.signs
     e00, e01, e02, e03, e04 = _along(form.e[0], 1.0)
@@ -36,9 +36,9 @@ def glide(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped
     i, way, end = ahead.i, 1, times.size
     if not ahead.forward:
         way, end = -1, -1
-    parts = ahead.forward and may_be_gone(1.0, 0.0, motion.mode)
+    parts = ahead.forward and may_have_left_for_good(1.0, 0.0, motion.mode)
     while i != end and abs(times[i] - t - h) < 2e-15:
-        if parts and may_be_gone(x, y, motion.mode):
+        if parts and may_have_left_for_good(x, y, motion.mode):
             break
         xn = e00 * x + e01 * v + e02 * y + e03 * u + e04
         vn = e10 * x + e11 * v + e12 * y + e13 * u + e14
@@ -63,8 +63,8 @@ def glide(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped
 
 
 @part
-def glide_in_blocks(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped-def]
-    """Step block and plate from mean to mean as ``glide`` does from sample to sample.
+def step_two_bodies_in_blocks(z, form, motion, active, record, ahead, t):  # type: ignore[no-untyped-def]
+    """Step block and plate from mean to mean as ``step_two_bodies`` does from sample to sample.
 
     Returns (next sample, time reached); takes about 30 ns per mean.  Two zeros of a guard function within a block are
     detected only by the sign of its rate.
@@ -86,9 +86,9 @@ def glide_in_blocks(z, form, motion, active, record, ahead, t):  # type: ignore[
     sinks = s0 * x + s1 * v + s2 * y + s3 * u + s4 < 0.0
     i, way = ahead.i, 1 if ahead.forward else -1
     first, end = (0, ahead.last - block + 1) if ahead.forward else (block - 1, 0)
-    parts = ahead.forward and may_be_gone(1.0, 0.0, motion.mode)
+    parts = ahead.forward and may_have_left_for_good(1.0, 0.0, motion.mode)
     while (i <= end if ahead.forward else i >= end) and i % block == first and abs(times[i] - t - bit) < 2e-15:
-        if parts and may_be_gone(x, y, motion.mode):
+        if parts and may_have_left_for_good(x, y, motion.mode):
             break
         xn = e00 * x + e01 * v + e02 * y + e03 * u + e04
         vn = e10 * x + e11 * v + e12 * y + e13 * u + e14

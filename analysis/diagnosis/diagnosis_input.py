@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from analysis.collision import Acts, Effect, findings
+from analysis.collision import Acts, Effect, without_nuisances
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -24,7 +24,7 @@ from analysis.inference import (
     site_under,
     trial_effects,
 )
-from analysis.shot import Motion, Progress, Shaking, Stop
+from analysis.shot import Motion, Progress, Stop, VibrationSpectrum
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class DiagnosisInput:
     named: Sequence[Effect]  # effects and laws already in the model
     laws: Sequence[Effect]  # user-defined, tried like the catalogue's effects
     hold_out: int | None
-    shakings_read: Sequence[Shaking | None] | None
+    vibrations_read: Sequence[VibrationSpectrum | None] | None
     progress: Progress
     stop: Stop
     limit: Limit
@@ -56,7 +56,7 @@ class DiagnosisInput:
     @property
     def accepted(self) -> tuple[Effect, ...]:
         """Get the effects already in the model that a diagnosis could have found."""
-        return findings(self.named)
+        return without_nuisances(self.named)
 
     @cached_property
     def shots(self) -> tuple[Samples, ...]:
@@ -66,8 +66,8 @@ class DiagnosisInput:
     @cached_property
     def site(self) -> Site | None:
         """Get the frame motion that the free flights before and after contact show; None where it is negligible."""
-        shakings = frame_motions_of(self.motions, self.model, self.shakings_read)
-        return site_under(self.motions, shakings, CRITERIA.site_nm)
+        vibrations = frame_motions_of(self.motions, self.model, self.vibrations_read)
+        return site_under(self.motions, vibrations, CRITERIA.site_nm)
 
     @cached_property
     def begin(self) -> SearchStart:

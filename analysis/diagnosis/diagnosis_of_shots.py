@@ -13,9 +13,9 @@ from analysis.diagnosis.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict.alternatives import blind_spots, candidates
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.residual import errors
-from analysis.fitted import shaking_of
+from analysis.fitted import vibration_of
 from analysis.inference import Fitted, Floor, as_fit
-from analysis.shot import AnalysisError, Motion, Progress, Shaking, Shot, Stop
+from analysis.shot import AnalysisError, Motion, Progress, Shot, Stop, VibrationSpectrum
 from levimass import is_drive
 
 
@@ -55,7 +55,7 @@ def diagnose(
         named=effects_named(accepted),
         laws=laws,
         hold_out=hold_out,
-        shakings_read=_shakings(shots),
+        vibrations_read=_vibrations(shots),
         progress=progress or (lambda _what, _fraction: None),
         stop=stop,
         limit=Limit(seconds, stop),
@@ -79,9 +79,9 @@ def _model(shots: Sequence[Shot | Motion]) -> str:
     return models.pop() if models else "paper"
 
 
-def _shakings(shots: Sequence[Shot | Motion]) -> Sequence[Shaking | None] | None:
+def _vibrations(shots: Sequence[Shot | Motion]) -> Sequence[VibrationSpectrum | None] | None:
     """Return each shot's frame motion from its reading; None where any motion was given without a shot."""
-    read = [shaking_of(shot) for shot in shots if isinstance(shot, Shot)]
+    read = [vibration_of(shot) for shot in shots if isinstance(shot, Shot)]
     return read if len(read) == len(shots) else None
 
 

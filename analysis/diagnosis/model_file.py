@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import Effect, findings, known_effect
+from analysis.collision import Effect, known_effect, without_nuisances
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive import LAWS
 from analysis.shot import AnalysisError, Fit, Quantity
@@ -63,7 +63,9 @@ def saved(
     if diagnosis is not None:
         given = {name: getattr(diagnosis, f"error_{name}") for name in _ERRORS}
         errors = {name: value for name, value in given.items() if value is not None}
-    bare = diagnosis.fit_before if diagnosis is not None and not findings(diagnosis.fit_before.effects) else None
+    bare = (
+        diagnosis.fit_before if diagnosis is not None and not without_nuisances(diagnosis.fit_before.effects) else None
+    )
     base = dict(bare.parameters) if bare is not None and bare.converged else {}
     only_tried = tuple(effect for effect in fit.effects if effect in tried)
     parameters = dict(fit.parameters)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from analysis.collision import Effect, OwnLaw
+from analysis.collision import Effect, UserLaw
 from analysis.shot import Fit, Floats, Quantity
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class LearnedLaw:
     by name.
     """
 
-    effect: OwnLaw
+    effect: UserLaw
     where: str
     argument: str
     form: str | None

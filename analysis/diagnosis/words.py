@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
-from analysis.collision import NUISANCES, Effect, OwnLaw
+from analysis.collision import NUISANCES, Effect, UserLaw
 from analysis.diagnosis import contact_laws
 from analysis.diagnosis.result import Diagnosis, FoundEffect, Freedom, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.shot import Fit, Quantity, words_and_unit
+from analysis.shot import Fit, Quantity, split_unit
 
 CLASSES = {
     frozenset({"coulomb_friction", "viscous_drag", "quadratic_drag"}): "a drag whose form is undetermined",
@@ -40,26 +40,26 @@ EQUIVALENT_EFFECTS = {
 
 def unit_of(parameter: str) -> str:
     """Return the unit in a parameter's name, or an empty string."""
-    return words_and_unit(parameter.split(".")[0])[1]
+    return split_unit(parameter.split(".")[0])[1]
 
 
 def parameter_words(parameter: str) -> str:
     """Return a parameter's name in words, without its unit."""
     name, _, shot = parameter.partition(".")
-    return words_and_unit(name)[0] + (f" of shot {shot}" if shot else "")
+    return split_unit(name)[0] + (f" of shot {shot}" if shot else "")
 
 
 def quantity(name: str, value: Quantity, unit: str | None = None) -> str:
     """Return a parameter with its uncertainty and unit; without ``unit``, the unit is read from the name."""
     unit = unit_of(name) if unit is None else unit
-    return f"{value.in_a_sentence()} {unit}".strip()
+    return f"{value.in_text()} {unit}".strip()
 
 
 def found(one: FoundEffect) -> str:
     """Return the sentence of one found effect; phases, fitted per shot, are left to the table of parameters."""
     effect, others = one.effect, one.indistinguishable_from
     told = {key: q for key, q in one.parameters.items() if not key.startswith("phase_rad")}
-    if isinstance(effect, OwnLaw):
+    if isinstance(effect, UserLaw):
         units = {parameter.name: parameter.unit for parameter in effect.parameters}
         sizes = ", ".join(f"{key} {quantity(key, q, units.get(key))}" for key, q in told.items())
         numbers = f"{effect.formula.text} with {sizes}"

@@ -15,7 +15,7 @@ from numba import njit
 
 from analysis.collision import Acts, Effect, Parameter
 from analysis.drive.stretch import LONGEST_DELAY, Stretch
-from analysis.shot import AnalysisError, Floats, words_and_unit
+from analysis.shot import AnalysisError, Floats, split_unit
 
 Columns = tuple[Floats, ...]
 BASE = ("moving_mass_kg", "viscous_coefficient_n_s_per_m", "offset_n")
@@ -82,7 +82,7 @@ def _law(
         name,
         words or name.replace("_", " "),
         Acts.IN_DRIVE,
-        tuple(Parameter(one, words_and_unit(one)[1], 1.0) for one in names),
+        tuple(Parameter(one, split_unit(one)[1], 1.0) for one in names),
         names[0],
         linear=linear,
         formula=formula,

@@ -1,36 +1,36 @@
-from .fit_time import SECONDS, FitTime, run_in_time
+from .fit_time import FIT_SECONDS, FitTime, run_with_time_limit
 from .fitted_shot import (
     ReadingsModel,
-    awaits_fit,
     can_be_fitted,
-    fit_again,
     fit_jointly,
+    fit_pending,
+    fit_shot,
     in_words,
     read_together,
     readings_model,
     readings_model_result,
-    shaking_of,
     unfitted,
-    with_fit_to_follow,
+    vibration_of,
+    with_fit_pending,
 )
 from .readings_from_fit import contact_cor, fitted_contact_cor
 
 __all__ = [
-    "SECONDS",
+    "FIT_SECONDS",
     "FitTime",
     "ReadingsModel",
-    "awaits_fit",
     "can_be_fitted",
     "contact_cor",
-    "fit_again",
     "fit_jointly",
+    "fit_pending",
+    "fit_shot",
     "fitted_contact_cor",
     "in_words",
     "read_together",
     "readings_model",
     "readings_model_result",
-    "run_in_time",
-    "shaking_of",
+    "run_with_time_limit",
     "unfitted",
-    "with_fit_to_follow",
+    "vibration_of",
+    "with_fit_pending",
 ]

@@ -17,8 +17,8 @@ from analysis.shot import AnalysisError, Cancelled, Floats, Stop
 
 Result = TypeVar("Result")
 
-SECONDS = 20.0  # per shot; a usual fit takes 1 s
-_LOOK_S = 0.02  # interval between checks of the time
+FIT_SECONDS = 20.0  # per shot; a usual fit takes 1 s
+_CHECK_INTERVAL_S = 0.02  # interval between checks of the time
 
 
 class FitTime:
@@ -81,7 +81,7 @@ def _compiling() -> Any:
     return counting
 
 
-def run_in_time(
+def run_with_time_limit(
     work: Callable[[], Result], seconds: float, cancelled: Stop | None = None, words: str | None = None
 ) -> Result:
     """Return the result of ``work``, or raise its exception; AnalysisError with ``words`` after ``seconds``.
@@ -103,7 +103,7 @@ def run_in_time(
     thread = threading.Thread(target=context.run, args=(run,), name="levimass fit", daemon=True)
     thread.start()
     while thread.is_alive():
-        thread.join(_LOOK_S)
+        thread.join(_CHECK_INTERVAL_S)
         if thread.is_alive() and left():
             raise AnalysisError(words or left.words)
     if raised:

@@ -11,7 +11,7 @@ from typing import Any
 from numpy.linalg import LinAlgError
 
 from analysis.collision import Effect
-from analysis.fitted.fit_time import SECONDS, FitTime, run_in_time
+from analysis.fitted.fit_time import FIT_SECONDS, FitTime, run_with_time_limit
 from analysis.shot import (
     FIT_FLAGS,
     AnalysisError,
@@ -20,8 +20,8 @@ from analysis.shot import (
     Motion,
     NotSeen,
     Quantity,
-    Shaking,
     Shot,
+    VibrationSpectrum,
     fit_flags,
     fit_with_rate_error,
 )
@@ -29,15 +29,15 @@ from levimass import is_drive
 
 _INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
 PATIENCE = 2.0  # a fit is abandoned after this multiple of its time limit, because one of its steps does not end
-NOT_CONVERGED, FAILED, TO_FOLLOW = "fit_not_converged", "fit_failed", "fit_to_follow"
+NOT_CONVERGED, FAILED, FIT_TO_FOLLOW = "fit_not_converged", "fit_failed", "fit_to_follow"
 READ_FROM_MODEL = "read_from_model"  # the pulse's readings come from the fitted model
 PULSE = ("force_peak_n", "force_fwhm_s", "contact_time_s", "deflection_max_m")
 CONTACT = "cor_kinetic.contact"
 
 
-def awaits_fit(shot: Shot) -> bool:
+def fit_pending(shot: Shot) -> bool:
     """Return whether a shot has its readings but not yet its fit."""
-    return TO_FOLLOW in shot.flags
+    return FIT_TO_FOLLOW in shot.flags
 
 
 def can_be_fitted(shot: Shot) -> bool:
@@ -46,7 +46,7 @@ def can_be_fitted(shot: Shot) -> bool:
     return shot.motion is not None and shot.settings.fit and (shot.impact is not None or driven)
 
 
-def with_fit_to_follow(shot: Shot) -> Shot:
+def with_fit_pending(shot: Shot) -> Shot:
     """Return a shot that was read, flagged as awaiting its fit if it can be fitted."""
     if not can_be_fitted(shot):
         return shot
@@ -54,7 +54,7 @@ def with_fit_to_follow(shot: Shot) -> Shot:
     if impact is not None:
         contact = NotSeen("the fit is still to come")
         impact = replace(impact, cor_kinetic=replace(impact.cor_kinetic, contact=contact))
-    return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, TO_FOLLOW))))
+    return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, FIT_TO_FOLLOW))))
 
 
 def unfitted(shot: Shot, why: str) -> Shot:
@@ -70,7 +70,7 @@ def with_fit(shot: Shot, fit: Fit | None) -> Shot:
     from analysis.fitted.readings_from_fit import fitted_contact_cor
 
     read = (*(shot.motion.flags if shot.motion else ()), *(shot.impact.flags if shot.impact else ()))
-    gone = {FAILED, TO_FOLLOW, *FIT_FLAGS, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
+    gone = {FAILED, FIT_TO_FOLLOW, *FIT_FLAGS, *(flags_of(shot.fit) if shot.fit else ())}.difference(read)
     kept = (flag for flag in shot.flags if flag not in gone)
     doubtful = fit_flags(shot.impact, fit) if fit and shot.impact else ()
     flags = tuple(dict.fromkeys((*kept, *(flags_of(fit) if fit else (FAILED,)), *doubtful)))
@@ -95,7 +95,7 @@ def read_with(shot: Shot, fit: Fit) -> Shot:
     kinetic = replace(shot.impact.cor_kinetic, contact=fitted_contact_cor(fit, _mass_kg(shot)))
     impact = replace(shot.impact, cor_kinetic=kinetic)
     if READ_FROM_MODEL in impact.flags:  # the pulse is read from a fit of this shot alone
-        again = fit_again(shot, fit.effects)
+        again = fit_shot(shot, fit.effects)
         impact = with_model_readings(impact, again.fit, shot.motion) if again.fit is not None else impact
     return replace(shot, impact=impact, readings_fit=fit)
 
@@ -107,7 +107,7 @@ def read_together(shots: Sequence[Shot], fit: Fit) -> list[Shot]:
     return [read_with(shot, fit.on_plate(next(plates))) if it else shot for shot, it in zip(shots, fitted, strict=True)]
 
 
-def fit_again(shot: Shot, effects: tuple[Effect, ...], cancelled: Callable[[], bool] | None = None) -> Shot:
+def fit_shot(shot: Shot, effects: tuple[Effect, ...], cancelled: Callable[[], bool] | None = None) -> Shot:
     """Return ``shot`` fitted with its own base model and ``effects``; unchanged if it cannot be fitted.
 
     If the fit fails, the shot is returned without a fit and flagged.  Raises Cancelled.
@@ -119,7 +119,7 @@ def fit_again(shot: Shot, effects: tuple[Effect, ...], cancelled: Callable[[], b
     assert shot.motion is not None
     try:
         fit = fit_jointly(
-            [shot.motion], shot.settings.model, effects, cancelled, [shaking_of(shot)], shot.settings.fit_seconds
+            [shot.motion], shot.settings.model, effects, cancelled, [vibration_of(shot)], shot.settings.fit_seconds
         )
         fit = fit_with_rate_error(fit, shot.motion)
         fitted = with_fit(shot, fit)
@@ -141,10 +141,10 @@ def _with_pulse_from_fit(shot: Shot) -> Shot:
     return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, *impact.flags))))
 
 
-def shaking_of(shot: Shot) -> Shaking | None:
+def vibration_of(shot: Shot) -> VibrationSpectrum | None:
     """Return the vibration of a shot's frame from its readings; None if it is negligible."""
     disturbance = shot.impact.disturbance if shot.impact else None
-    return disturbance.shaking if disturbance else None
+    return disturbance.vibration if disturbance else None
 
 
 def fit_jointly(
@@ -152,12 +152,12 @@ def fit_jointly(
     base: str,
     effects: tuple[Effect, ...],
     cancelled: Callable[[], bool] | None = None,
-    shakings: Sequence[Shaking | None] = (),
-    seconds: float = SECONDS,
+    vibrations: Sequence[VibrationSpectrum | None] = (),
+    seconds: float = FIT_SECONDS,
 ) -> Fit:
     """Return one fit of all motions with this base model and effects.  Raises AnalysisError, Cancelled.
 
-    ``shakings`` are the vibrations of each motion's frame, if known; ``seconds`` is the time limit per motion.
+    ``vibrations`` are the vibrations of each motion's frame, if known; ``seconds`` is the time limit per motion.
     """
     left = FitTime(seconds * len(motions), cancelled)
 
@@ -168,10 +168,10 @@ def fit_jointly(
             return fit_driven(motions, effects, left)
         from analysis.inference import fit_shots
 
-        return fit_shots(motions, model=base, effects=effects, cancelled=left, shakings=shakings)
+        return fit_shots(motions, model=base, effects=effects, cancelled=left, vibrations=vibrations)
 
     try:
-        return run_in_time(fit, PATIENCE * left.seconds, cancelled, left.words)
+        return run_with_time_limit(fit, PATIENCE * left.seconds, cancelled, left.words)
     except Cancelled:
         if left.over:
             raise AnalysisError(left.words) from None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.collision import Collision, Variant
 from analysis.shot import NotSeen, Plate, Reading, Shot, to_json
-from analysis.uncertainty import combined_of, read, stated
+from analysis.uncertainty import combined_uncertainties, read_number, with_combined_uncertainty
 
 if TYPE_CHECKING:
     from analysis.paper.paper_audit import AuditValues, PaperRig
@@ -210,5 +210,5 @@ def _recorded(key: str, shot: Shot | None) -> Reading:
     name = _RECORDED.get(key)
     if shot is None or name is None:
         return NotSeen("no recording" if shot is None else "a recording does not show it")
-    reading = read(shot, name)
-    return stated(reading, name, combined_of(shot)) or reading
+    reading = read_number(shot, name)
+    return with_combined_uncertainty(reading, name, combined_uncertainties(shot)) or reading

@@ -142,7 +142,7 @@ def rivals(
 def refit_diagnosed(given: Fit, motions: Sequence[Motion], stop: Stop, others: Sequence[Effect] = ()) -> Fitted:
     """Return the final fit of a diagnosis, at a sample rate that suits the ``others`` as well."""
     kinds = trials_of(given.effects)
-    finely = any(effect.ripples for effect in (*given.effects, *others))
+    finely = any(effect.needs_full_rate for effect in (*given.effects, *others))
     site = site_under(motions, frame_motions_of(motions, given.model, None), CRITERIA.site_nm)
     begin = start_from_fit(given, motions)
     data = joint_data(averaged_shots(motions, FINE_RATE_HZ if finely else RATE_HZ), begin, site)

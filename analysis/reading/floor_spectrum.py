@@ -24,7 +24,7 @@ from analysis.reading.restricted_likelihood import (
     mixture_covariance,
     points_about,
 )
-from analysis.shot import Floats, Shaking
+from analysis.shot import Floats, VibrationSpectrum
 
 LOWEST = 0.35  # lowest octave centre, in units of one over the flights' whole span
 SPACING = 0.45  # spacing of the frequencies that represent the floor, in the same unit
@@ -113,9 +113,9 @@ class FloorSpectrum:
         return np.asarray(self.power @ self.octaves.power_m2)
 
     @property
-    def shaking(self) -> Shaking:
+    def vibration(self) -> VibrationSpectrum:
         frequency = self.octaves.frequency_hz
-        return Shaking(frequency, self._power, np.ones(frequency.size, dtype=np.bool_))
+        return VibrationSpectrum(frequency, self._power, np.ones(frequency.size, dtype=np.bool_))
 
     @property
     def rms_m(self) -> float:

@@ -22,7 +22,7 @@ from analysis.shot import (
     NotSeen,
     Quantity,
     Reading,
-    Shaking,
+    VibrationSpectrum,
     reading_flags,
 )
 
@@ -116,7 +116,7 @@ def _read(motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None
     return replace(impact, flags=tuple(flags), disturbance=_disturbance(flights, motion, impact))
 
 
-def read_frame_motion(motion: Motion) -> Shaking | None:
+def read_frame_motion(motion: Motion) -> VibrationSpectrum | None:
     """Return the frame's vibration read from a motion; None if it is negligible or cannot be read."""
     try:
         found = _between_flights(motion)
@@ -125,7 +125,7 @@ def read_frame_motion(motion: Motion) -> Shaking | None:
         disturbance = _read(motion, *found).disturbance
     except (NoImpact, AnalysisError, LinAlgError):
         return None
-    return disturbance.shaking if disturbance else None
+    return disturbance.vibration if disturbance else None
 
 
 def _edges(motion: Motion, span: CollisionSpan) -> tuple[Edge, Edge | None]:
@@ -232,7 +232,7 @@ def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbanc
         floor_rms_m_per_s=flights.floor.velocity_std_m_per_s((0.0,), (1.0,), motion.bandwidth_hz),
         knocks_s=flights.knocks_s,
         shares=_shares(flights, impact),
-        shaking=flights.floor.shaking.with_lines(flights.lines) if _frame_moves(flights) else None,
+        vibration=flights.floor.vibration.with_lines(flights.lines) if _frame_moves(flights) else None,
     )
 
 

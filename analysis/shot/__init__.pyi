@@ -1,17 +1,17 @@
 from . import plate
 from .air import STANDARD_AIR, refractive_index, wavelength_in_air_m
-from .consistency import CONCERNS, FIT_FLAGS, PLATE_RINGS, concerning, fit_flags, reading_flags
-from .fit import Fit, Overlay, ShotFit, Wander, names_on_plate, plates_named
-from .impact import Disturbance, Impact, KineticCor, Shaking, VibrationLine
+from .consistency import FIT_FLAGS, NUMBERS_AFFECTED, PLATE_RINGS, fit_flags, flags_affecting, reading_flags
+from .fit import Fit, Overlay, ShotFit, Wander, count_plates, names_on_plate
+from .impact import Disturbance, Impact, KineticCor, VibrationLine, VibrationSpectrum
 from .motion import BeatQuality, Floats, Motion
-from .plate import Disc, Number, PlateTolerance, compliance_of, corrected_slope, stated_n_per_m
-from .plates_of_set import plate_count, plate_numbers, plates_words, weights_words, why_not_together
-from .quantity import NotSeen, Quantity, Reading, shown_in, to_json, words_and_unit
+from .plate import Disc, Number, PlateTolerance, compliance_of, corrected_slope, stated_stiffness_n_per_m
+from .plates_of_set import describe_plates, describe_weights, plate_count, plate_numbers, why_no_joint_fit
+from .quantity import NotSeen, Quantity, Reading, display_unit, split_unit, to_json
 from .recording import (
     AIR,
     DEFAULT_WAVELENGTH_AIR_M,
-    NAMES,
     SETUP_CORRECTED,
+    SETUP_KEYS,
     Air,
     Channel,
     Gap,
@@ -19,25 +19,35 @@ from .recording import (
     Recording,
     Role,
     Setup,
-    corrected,
+    corrected_setup,
 )
-from .sample_rate_error import DELIVERED, RATE_CONTRADICTED, fit_with_rate_error, rate_error, with_rate_error
-from .shot import LONGEST, UNITS, AnalysisError, AnalysisSettings, Cancelled, PlotNote, Progress, Shot, Stop
-from .version import program, program_version
+from .sample_rate_error import DELIVERED_KEY, RATE_CONTRADICTED, fit_with_rate_error, rate_error, with_rate_error
+from .shot import (
+    MAX_NOTE_LENGTH,
+    PLOT_UNITS,
+    AnalysisError,
+    AnalysisSettings,
+    Cancelled,
+    PlotNote,
+    Progress,
+    Shot,
+    Stop,
+)
+from .version import program_version, version_and_digest
 
 __all__ = [
     "AIR",
-    "CONCERNS",
     "DEFAULT_WAVELENGTH_AIR_M",
-    "DELIVERED",
+    "DELIVERED_KEY",
     "FIT_FLAGS",
-    "LONGEST",
-    "NAMES",
+    "MAX_NOTE_LENGTH",
+    "NUMBERS_AFFECTED",
     "PLATE_RINGS",
+    "PLOT_UNITS",
     "RATE_CONTRADICTED",
     "SETUP_CORRECTED",
+    "SETUP_KEYS",
     "STANDARD_AIR",
-    "UNITS",
     "Air",
     "AnalysisError",
     "AnalysisSettings",
@@ -64,35 +74,35 @@ __all__ = [
     "Recording",
     "Role",
     "Setup",
-    "Shaking",
     "Shot",
     "ShotFit",
     "Stop",
     "VibrationLine",
+    "VibrationSpectrum",
     "Wander",
     "compliance_of",
-    "concerning",
-    "corrected",
+    "corrected_setup",
     "corrected_slope",
+    "count_plates",
+    "describe_plates",
+    "describe_weights",
+    "display_unit",
     "fit_flags",
     "fit_with_rate_error",
+    "flags_affecting",
     "names_on_plate",
     "plate",
     "plate_count",
     "plate_numbers",
-    "plates_named",
-    "plates_words",
-    "program",
     "program_version",
     "rate_error",
     "reading_flags",
     "refractive_index",
-    "shown_in",
-    "stated_n_per_m",
+    "split_unit",
+    "stated_stiffness_n_per_m",
     "to_json",
+    "version_and_digest",
     "wavelength_in_air_m",
-    "weights_words",
-    "why_not_together",
+    "why_no_joint_fit",
     "with_rate_error",
-    "words_and_unit",
 ]

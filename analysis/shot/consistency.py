@@ -1,7 +1,7 @@
 """Consistency checks on a shot's numbers: flags for impossible values and for values that contradict one another.
 
-``CONCERNS`` maps a flag to the numbers that it affects, by their names in Impact and in the fit's parameters, so that
-the flag can be shown next to the number.
+``NUMBERS_AFFECTED`` maps a flag to the numbers that it affects, by their names in Impact and in the fit's parameters,
+so that the flag can be shown next to the number.
 """
 
 from collections.abc import Mapping
@@ -13,14 +13,14 @@ from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
 from analysis.shot.quantity import Quantity
 
-ABOVE_SIGMAS = 2.0
+RESTITUTION_SIGMAS = 2.0
 MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
 FIT_DISAGREES, CHI2_FAR_FROM_ONE = "fit_disagrees", "chi2_far_from_one"
 PLATE_SHAKEN, KNOCK_SUSPECTED = "plate_shaken", "knock_suspected"
 FIT_FLAGS = (FIT_DISAGREES, CHI2_FAR_FROM_ONE, PLATE_SHAKEN, KNOCK_SUSPECTED)
 PLATE_RINGS = "plate_rings"  # fit flag: the residual is an oscillation of the plate before the touch
-SHAKEN = "vibration"  # reading flag: the plate moves before it is touched
+VIBRATION = "vibration"  # reading flag: the plate moves before it is touched
 CHI2_FAR = 2.0  # reduced chi^2 above this or below its inverse is flagged
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
 _PULSE = ("force_peak_n", "force_fwhm_s", "cor_impulse", "stiffness_slope_n_per_m")
@@ -33,7 +33,7 @@ _FITTED = (
     "cor_kinetic.contact",
 )
 
-CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+NUMBERS_AFFECTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
         "restitution_above_one": ("cor_quasi_static",),
         "no_turn": ("velocity_out_m_per_s", "cor_quasi_static", "deflection_max_m", *_FITTED),
@@ -42,7 +42,7 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "impulse_disagrees": ("cor_quasi_static", "cor_impulse"),
         "bounces_disturbed": _BOUNCES,
         "flight_cut": _VELOCITIES,
-        SHAKEN: (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
+        VIBRATION: (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
         "knock": (*_VELOCITIES, *_PULSE, *_FITTED, "contact_time_s", "deflection_max_m"),
         "samples_lost": (*_PULSE, *_BOUNCES, "contact_time_s", "deflection_max_m"),
         "cross_talk": ("deflection_max_m", "contact_time_s"),
@@ -57,9 +57,9 @@ CONCERNS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def concerning(name: str, flags: tuple[str, ...]) -> tuple[str, ...]:
+def flags_affecting(name: str, flags: tuple[str, ...]) -> tuple[str, ...]:
     """Return the flags among ``flags`` that affect the number ``name``."""
-    return tuple(flag for flag in flags if name in CONCERNS.get(flag, ()))
+    return tuple(flag for flag in flags if name in NUMBERS_AFFECTED.get(flag, ()))
 
 
 def reading_flags(impact: Impact, momentum: tuple[Quantity, Quantity] | None) -> tuple[str, ...]:
@@ -69,7 +69,7 @@ def reading_flags(impact: Impact, momentum: tuple[Quantity, Quantity] | None) ->
     """
     flags = []
     ratio = impact.cor_quasi_static
-    if isinstance(ratio, Quantity) and ratio.value - ABOVE_SIGMAS * ratio.std > 1.0:
+    if isinstance(ratio, Quantity) and ratio.value - RESTITUTION_SIGMAS * ratio.std > 1.0:
         flags.append("restitution_above_one")
     if momentum is not None and _sigmas_apart(*momentum) > MOMENTUM_SIGMAS:
         flags.append("momentum_disagrees")
@@ -81,7 +81,7 @@ def fit_flags(impact: Impact, fit: Fit) -> tuple[str, ...]:
     if not fit.converged:
         return ()
     # the model's plate is at rest until touched, so the fit's uncertainties do not include plate motion before
-    flags = [PLATE_SHAKEN] if SHAKEN in impact.flags and not fit.on_frames else []
+    flags = [PLATE_SHAKEN] if VIBRATION in impact.flags and not fit.on_frames else []
     if len(fit.shots) != 1:
         return tuple(flags)
     own = fit.shots[0]

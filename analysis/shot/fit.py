@@ -13,7 +13,7 @@ Wander = tuple[tuple[float, float], ...]  # Ornstein-Uhlenbeck terms of the nois
 _FURTHER = re.compile(r"plate_(\d+)_(.+)")  # a further plate's stiffness or mass
 
 
-def plates_named(names: Iterable[str]) -> int:
+def count_plates(names: Iterable[str]) -> int:
     """Return the number of plates to which a fit's parameter ``names`` belong."""
     return 1 + len({match[1] for name in names if (match := _FURTHER.match(name))})
 

@@ -26,7 +26,7 @@ class VibrationLine:
 
 
 @dataclass(frozen=True, slots=True)
-class Shaking:
+class VibrationSpectrum:
     """The vibration of the frame as sines that represent its spectrum: ascending frequencies, shape (f,).
 
     ``power_m2`` is the variance of the cosine amplitude, and equally of the sine amplitude, at each frequency.
@@ -49,52 +49,52 @@ class Shaking:
         density = np.interp(frequency_hz, known, power / np.gradient(known))
         return np.asarray(density * np.minimum(1.0, known[-1] / frequency_hz) ** 4)
 
-    def with_lines(self, lines: Sequence["VibrationLine"]) -> "Shaking":
+    def with_lines(self, lines: Sequence["VibrationLine"]) -> "VibrationSpectrum":
         """Return the vibration with lines added, each as two sines at its frequency plus and minus its uncertainty."""
         apart = np.array([line.frequency_hz.std for line in lines])
         middle = np.array([line.frequency_hz.value for line in lines])
         power = np.array([0.5 * line.amplitude_m.value**2 for line in lines])
         two = np.concatenate([middle - apart, middle + apart])
-        return self._with(Shaking(two, np.concatenate([power, power]), np.zeros(two.size, dtype=np.bool_)))
+        return self._with(VibrationSpectrum(two, np.concatenate([power, power]), np.zeros(two.size, dtype=np.bool_)))
 
-    def _with(self, other: "Shaking") -> "Shaking":
+    def _with(self, other: "VibrationSpectrum") -> "VibrationSpectrum":
         frequency = np.concatenate([self.frequency_hz, other.frequency_hz])
         order = np.argsort(frequency, kind="stable")
         power = np.concatenate([self.power_m2, other.power_m2])
-        return Shaking(frequency[order], power[order], np.concatenate([self.random, other.random])[order])
+        return VibrationSpectrum(frequency[order], power[order], np.concatenate([self.random, other.random])[order])
 
     @property
     def rms_m(self) -> float:
         return float(np.sqrt(self.power_m2.sum()))
 
-    def less(self, density: Callable[[Floats], Floats]) -> "Shaking":
+    def without_noise(self, density: Callable[[Floats], Floats]) -> "VibrationSpectrum":
         """Return the vibration minus noise of one-sided ``density`` (m^2/Hz) that its estimate still contains."""
         power = self.power_m2.copy()
         known = self.frequency_hz[self.random]
         if known.size > 1:
             power[self.random] = np.maximum(power[self.random] - density(known) * np.gradient(known), 0.0)
-        return Shaking(self.frequency_hz, power, self.random)
+        return VibrationSpectrum(self.frequency_hz, power, self.random)
 
-    def closer(self, apart_hz: float) -> "Shaking":
-        """Return the vibration with its density represented by sines spaced by at most ``apart_hz``.
+    def with_spacing(self, spacing_hz: float) -> "VibrationSpectrum":
+        """Return the vibration with its density represented by sines spaced by at most ``spacing_hz``.
 
         The sum of equally spaced sines repeats after 1 / spacing, so it represents a spectrum only for shorter times.
         """
         known = self.frequency_hz[self.random]
-        if known.size < 2 or np.diff(known).max() <= apart_hz:
+        if known.size < 2 or np.diff(known).max() <= spacing_hz:
             return self
-        parts = np.maximum(np.ceil(np.diff(known) / apart_hz), 1).astype(np.int64)
+        parts = np.maximum(np.ceil(np.diff(known) / spacing_hz), 1).astype(np.int64)
         place = np.arange(known.size)
         within = np.concatenate([k + np.arange(count) / count for k, count in enumerate(parts)] + [place[-1:]])
         fine = np.interp(within, place, known)
         density = np.interp(fine, known, self.power_m2[self.random] / np.gradient(known))
-        floor = Shaking(fine, density * np.gradient(fine), np.ones(fine.size, dtype=np.bool_))
+        floor = VibrationSpectrum(fine, density * np.gradient(fine), np.ones(fine.size, dtype=np.bool_))
         return floor._with(self.below(0.0))
 
-    def below(self, frequency_hz: float) -> "Shaking":
+    def below(self, frequency_hz: float) -> "VibrationSpectrum":
         """Return the random part below a frequency, and all lines."""
         slow = (self.frequency_hz < frequency_hz) | ~self.random
-        return Shaking(self.frequency_hz[slow], self.power_m2[slow], self.random[slow])
+        return VibrationSpectrum(self.frequency_hz[slow], self.power_m2[slow], self.random[slow])
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class Disturbance:
     ``lines`` were subtracted from the motion before it was read.  ``floor_rms_m`` is the rms random vibration, which
     cannot be subtracted and is part of the uncertainties; ``floor_rms_m_per_s`` is its rms velocity.  ``knocks_s`` are
     the (begin, end) of stretches excluded because of a knock.  ``shares`` gives the fraction (0 to 1) of each number's
-    variance that comes from the disturbance.  ``shaking`` is lines and random vibration in the form used by fits.
+    variance that comes from the disturbance.  ``vibration`` is lines and random vibration in the form used by fits.
     """
 
     lines: tuple[VibrationLine, ...]
@@ -112,7 +112,7 @@ class Disturbance:
     floor_rms_m_per_s: float
     knocks_s: tuple[tuple[float, float], ...] = ()
     shares: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
-    shaking: Shaking | None = None
+    vibration: VibrationSpectrum | None = None
 
 
 def _not_read() -> Reading:

@@ -58,7 +58,7 @@ def stiffness_n_per_m(plate: Plate, disc: Disc = Disc.RIGID) -> float:
     return plate.youngs_modulus_pa / compliance_times_modulus_per_m(plate, disc)
 
 
-def stated_n_per_m(plate: Plate | None) -> float | None:
+def stated_stiffness_n_per_m(plate: Plate | None) -> float | None:
     """Return k_p in N/m of a recording's stated plate; None if no plate, or an impossible one, is stated."""
     try:
         return None if plate is None else stiffness_n_per_m(plate)
@@ -69,7 +69,7 @@ def stated_n_per_m(plate: Plate | None) -> float | None:
 def coefficient_c(plate: Plate) -> float:
     """Return c of k_p = c E t^3 w / (4 l^3), rigid disc: l^3 / (L^3 - (L - l)^3), L the distance clamp to load."""
     _check(plate)
-    length, load, _ = _reach(asdict(plate))
+    length, load, _ = _arm_and_disc_m(asdict(plate))
     return float(length**3 / (load**3 - (load - length) ** 3))
 
 
@@ -87,7 +87,7 @@ def effective_mass_kg(plate: Plate) -> float:
 def arm_effective_mass_kg(plate: Plate) -> float:
     """Return the arm's part of ``effective_mass_kg``; the remainder is the disc's."""
     _check(plate)
-    length, load, _ = _reach(asdict(plate))
+    length, load, _ = _arm_and_disc_m(asdict(plate))
     arm = plate.density_kg_m3 * plate.thickness_m * plate.arm_width_m * plate.arm_length_m
     return float(arm * _arm_ratio(length, load))
 
@@ -110,7 +110,7 @@ def _check(plate: Plate) -> None:
         raise ValueError("plate: the arm is wider than the disc at its end")
 
 
-def _reach(n: Mapping[str, Number]) -> tuple[Number, Number, Number]:
+def _arm_and_disc_m(n: Mapping[str, Number]) -> tuple[Number, Number, Number]:
     """Return (arm length, distance from clamp to load, disc radius)."""
     radius = n["disc_diameter_m"] / 2
     return n["arm_length_m"], n["arm_length_m"] + radius, radius
@@ -121,7 +121,7 @@ def compliance_of(n: Mapping[str, Number], disc: Disc = Disc.RIGID) -> Number:
 
     The fields are plain floats or numbers with uncertainty.
     """
-    length, load, radius = _reach(n)
+    length, load, radius = _arm_and_disc_m(n)
     width, cubed, theory = n["arm_width_m"], n["thickness_m"] ** 3, n["beam_theory"]
     arm = 4 * (load**3 - (load - length) ** 3) / (width * cubed)
     if disc is Disc.RIGID:
@@ -139,7 +139,7 @@ def compliance_of(n: Mapping[str, Number], disc: Disc = Disc.RIGID) -> Number:
 
 def _masses(plate: Plate) -> tuple[float, float]:
     """Return (whole mass, Rayleigh's effective mass)."""
-    length, load, radius = _reach(asdict(plate))
+    length, load, radius = _arm_and_disc_m(asdict(plate))
     sheet = plate.density_kg_m3 * plate.thickness_m
     disc = sheet * math.pi * radius**2
     arm = sheet * plate.arm_width_m * length

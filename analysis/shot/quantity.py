@@ -30,7 +30,7 @@ class Quantity:
         digits = max(decimals, 0)
         return f"{round(self.value, decimals):.{digits}f} ± {round(self.std, decimals):.{digits}f}"
 
-    def in_a_sentence(self) -> str:
+    def in_text(self) -> str:
         """Render the quantity, with a power of ten where the value would begin with zeros or exceed five digits."""
         if not self.value or 1e-2 <= abs(self.value) < 1e5:
             return str(self)
@@ -66,17 +66,17 @@ def to_json(reading: Reading | None) -> dict[str, float] | None:
 
 _SYMBOLS = {"n": "N", "s": "s", "m": "m", "kg": "kg", "hz": "Hz", "rad": "rad"}
 _POWERS = {"": "", "2": "²", "3": "³", "4": "⁴"}
-_SHOWN = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
-_OF_TIME = {"N": -2, "s": 1, "Hz": -1}
+_DISPLAY_UNITS = {"s": (1e3, "ms"), "m": (1e3, "mm"), "kg": (1e3, "g"), "Pa": (1e-9, "GPa"), "1": (1.0, "")}
+_POWER_OF_TIME = {"N": -2, "s": 1, "Hz": -1}
 _TOKEN = re.compile(rf"({'|'.join(_SYMBOLS)})([234]?)")
 
 
-def shown_in(unit: str) -> tuple[float, str]:
+def display_unit(unit: str) -> tuple[float, str]:
     """Return the factor from an SI unit to the unit shown on the screen, and the shown unit; "" for a ratio."""
-    return _SHOWN.get(unit, (1.0, unit))
+    return _DISPLAY_UNITS.get(unit, (1.0, unit))
 
 
-def words_and_unit(name: str) -> tuple[str, str]:
+def split_unit(name: str) -> tuple[str, str]:
     """Return the words and the unit of a name: ("coefficient", "N s²/m²") for "coefficient_n_s2_per_m2"; "" if none."""
     tokens = name.split("_")
     begin = len(tokens)
@@ -86,25 +86,25 @@ def words_and_unit(name: str) -> tuple[str, str]:
     above, _, below = unit.partition("_per_")
     if unit.startswith("per_") or unit.endswith("per") or "per" in below.split("_"):
         return name.replace("_", " "), ""
-    spelled = _spelled(above)
+    spelled = _spell_unit(above)
     if below:
-        spelled += f"/({_spelled(below)})" if "_" in below else f"/{_spelled(below)}"
+        spelled += f"/({_spell_unit(below)})" if "_" in below else f"/{_spell_unit(below)}"
     return " ".join(tokens[:begin]), spelled
 
 
 def power_of_time(name: str) -> int:
     """Return the power of the second in the unit of a name: -2 for "stiffness_n_per_m", as N is kg m/s²."""
-    unit = words_and_unit(name.rpartition(".")[2])[1]
+    unit = split_unit(name.rpartition(".")[2])[1]
     above, _, below = unit.partition("/")
-    return _seconds(above) - _seconds(below.strip("()"))
+    return _power_of_second(above) - _power_of_second(below.strip("()"))
 
 
-def _seconds(spelled: str) -> int:
+def _power_of_second(spelled: str) -> int:
     found = [re.fullmatch(r"(N|s|Hz)([²³⁴]?)", part) for part in spelled.split()]
     powers = {"": 1, "²": 2, "³": 3, "⁴": 4}
-    return sum(_OF_TIME[match[1]] * powers[match[2]] for match in found if match)
+    return sum(_POWER_OF_TIME[match[1]] * powers[match[2]] for match in found if match)
 
 
-def _spelled(tokens: str) -> str:
+def _spell_unit(tokens: str) -> str:
     found = [_TOKEN.fullmatch(token) for token in tokens.split("_")]
     return " ".join(_SYMBOLS[match[1]] + _POWERS[match[2]] for match in found if match)

@@ -128,15 +128,23 @@ class Recording:
 
 SETUP_CORRECTED = "setup_corrected"
 AIR = ("temperature_c", "pressure_pa", "humidity_percent")
-NAMES = ("moving_mass_kg", "moving_mass_u_kg", "wavelength_vacuum_m", "wavelength_air_m", "rest_frequency_hz", *AIR)
+SETUP_KEYS = (
+    "moving_mass_kg",
+    "moving_mass_u_kg",
+    "wavelength_vacuum_m",
+    "wavelength_air_m",
+    "rest_frequency_hz",
+    *AIR,
+)
 
 
-def corrected(setup: Setup, corrections: Mapping[str, float | None]) -> Setup:
+def corrected_setup(setup: Setup, corrections: Mapping[str, float | None]) -> Setup:
     """Return the set-up with these values (SI units) in place of its own; None: not given.
 
-    Names are those of ``NAMES``; the air changes only when all of ``AIR`` are given.  Raises KeyError for another name.
+    Names are those of ``SETUP_KEYS``; the air changes only when all of ``AIR`` are given.  Raises KeyError for another
+    name.
     """
-    unknown = set(corrections) - set(NAMES)
+    unknown = set(corrections) - set(SETUP_KEYS)
     if unknown:
         raise KeyError(sorted(unknown)[0])
     plain = {name: value for name, value in corrections.items() if name not in AIR}

@@ -17,10 +17,10 @@ from analysis.shot.quantity import Quantity, power_of_time
 from analysis.shot.recording import Recording
 
 RATE_CONTRADICTED = "rate_contradicted"
-DELIVERED = "lmm:delivered_rate_hz"  # global key: rate by the computer's clock, if it differs from the stated rate
-STATED_U = 5e-4  # relative tolerance of a rest frequency stated without uncertainty: a laser's drift over months
-COVERAGE = 2.0  # standard uncertainties by which the rates must differ
-_POWERS = {
+DELIVERED_KEY = "lmm:delivered_rate_hz"  # global key: rate by the computer's clock, if it differs from the stated rate
+REST_STATED_U = 5e-4  # relative tolerance of a rest frequency stated without uncertainty: a laser's drift over months
+RATE_SIGMAS = 2.0  # standard uncertainties by which the rates must differ
+_POWER_OF_RATE = {
     "velocity_in_m_per_s": 1,
     "velocity_out_m_per_s": 1,
     "force_peak_n": 2,
@@ -35,23 +35,23 @@ def rate_error(recording: Recording, rest_hz: Quantity | None) -> float:
 
     ``rest_hz`` is the rest frequency measured with PD0, or None without PD0.
     """
-    return max(_by_rest(recording, rest_hz), _by_clock(recording))
+    return max(_error_by_pd0(recording, rest_hz), _error_by_clock(recording))
 
 
-def _by_rest(recording: Recording, rest_hz: Quantity | None) -> float:
+def _error_by_pd0(recording: Recording, rest_hz: Quantity | None) -> float:
     stated = recording.setup.rest_frequency_hz
     if not stated or rest_hz is None:
         return 0.0
     std = recording.setup.rest_frequency_u_hz or 0.0
-    own = COVERAGE * std if std > 0.0 else STATED_U * stated
+    own = RATE_SIGMAS * std if std > 0.0 else REST_STATED_U * stated
     error = abs(rest_hz.value - stated)
     # limited to 1: an error by a whole factor says only that something is wrong, not by how much
-    return min(error / stated, 1.0) if error > math.hypot(own, COVERAGE * rest_hz.std) else 0.0
+    return min(error / stated, 1.0) if error > math.hypot(own, RATE_SIGMAS * rest_hz.std) else 0.0
 
 
-def _by_clock(recording: Recording) -> float:
+def _error_by_clock(recording: Recording) -> float:
     metadata = recording.extra.get("global", {})
-    delivered = metadata.get(DELIVERED) if isinstance(metadata, dict) else None
+    delivered = metadata.get(DELIVERED_KEY) if isinstance(metadata, dict) else None
     if isinstance(delivered, bool) or not isinstance(delivered, int | float):
         return 0.0
     try:
@@ -65,12 +65,12 @@ def with_rate_error(impact: Impact, motion: Motion) -> Impact:
     """Return the readings with the error of the sample rate added to their standard uncertainties."""
     if not motion.rate_error:
         return impact
-    added = {name: _carried(impact, name, power * motion.rate_error) for name, power in _POWERS.items()}
+    added = {name: _std_by_share(impact, name, power * motion.rate_error) for name, power in _POWER_OF_RATE.items()}
     offset = velocity_offset_m_per_s(motion)
     if offset > 0.0:
         for name in ("velocity_in_m_per_s", "velocity_out_m_per_s"):
             added[name] = math.hypot(added[name], offset)
-        added |= _of_ratios(impact, offset)
+        added |= _ratio_errors(impact, offset)
     read = {name: (getattr(impact, name), std) for name, std in added.items()}
     wider = {name: _wider(reading, std) for name, (reading, std) in read.items() if isinstance(reading, Quantity)}
     return replace(impact, **wider)  # type: ignore[arg-type]
@@ -114,12 +114,12 @@ def _wider(quantity: Quantity, *further: float) -> Quantity:
     return replace(quantity, std=math.hypot(quantity.std, *further))
 
 
-def _carried(impact: Impact, name: str, share: float) -> float:
+def _std_by_share(impact: Impact, name: str, share: float) -> float:
     reading = getattr(impact, name)
     return share * abs(reading.value) if isinstance(reading, Quantity) else 0.0
 
 
-def _of_ratios(impact: Impact, offset_m_per_s: float) -> dict[str, float]:
+def _ratio_errors(impact: Impact, offset_m_per_s: float) -> dict[str, float]:
     """Return the errors of both CORs and of the deflection from one velocity offset common to both flights."""
     added = {}
     into, lasts = impact.velocity_in_m_per_s, impact.contact_time_s

@@ -13,25 +13,25 @@ Progress = Callable[[str, float], None]  # (current step, fraction of the analys
 Stop = Callable[[], bool]  # whether the caller has cancelled
 
 
-LONGEST = 200  # characters of a note
-TIME = "s"
-UNITS: Mapping[str, tuple[str, str]] = {  # plot name -> units of x and y
-    "velocity": (TIME, "m/s"),
-    "force": (TIME, "N"),
-    "residual of displacement": (TIME, "m"),
-    "residual of velocity": (TIME, "m/s"),
-    "residual of force": (TIME, "N"),
-    "gap": (TIME, "m"),
-    "PD0": (TIME, "V"),
-    "PD1": (TIME, "V"),
-    "light switch": (TIME, "V"),
+MAX_NOTE_LENGTH = 200  # characters
+SECOND = "s"
+PLOT_UNITS: Mapping[str, tuple[str, str]] = {  # plot name -> units of x and y
+    "velocity": (SECOND, "m/s"),
+    "force": (SECOND, "N"),
+    "residual of displacement": (SECOND, "m"),
+    "residual of velocity": (SECOND, "m/s"),
+    "residual of force": (SECOND, "N"),
+    "gap": (SECOND, "m"),
+    "PD0": (SECOND, "V"),
+    "PD1": (SECOND, "V"),
+    "light switch": (SECOND, "V"),
     "force vs deflection": ("m", "N"),
     "force vs speed": ("m/s", "N"),
     "residual of force vs speed": ("m/s", "N"),
     "force vs position": ("m", "N"),
     "residual of force vs position": ("m", "N"),
     "spectrum": ("Hz", "dB above 1 V²/Hz"),
-    "spectrogram": (TIME, "Hz"),
+    "spectrogram": (SECOND, "Hz"),
 }
 
 
@@ -47,7 +47,7 @@ class Cancelled(Exception):
 class PlotNote:
     """A short text that the operator placed at a point of one of a shot's plots.
 
-    ``plot`` is a key of ``UNITS``; ``x`` and ``y`` are in the units listed there, whatever units the axes show.
+    ``plot`` is a key of ``PLOT_UNITS``; ``x`` and ``y`` are in the units listed there, whatever units the axes show.
     Time counts from the recording's first sample, as a new analysis shifts first touch, the zero of the plots' time.
     """
 

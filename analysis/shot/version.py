@@ -18,7 +18,7 @@ def program_version() -> str:
 
 
 @cache
-def program() -> str:
+def version_and_digest() -> str:
     """Return the version with a digest of the source; programs with the same digest compute the same numbers.
 
     Without sources (a frozen application) the executable is digested instead.

@@ -8,12 +8,12 @@ from analysis.signal.filters import stretches
 
 Singles = NDArray[np.float32]
 Segment = tuple[int, Floats, Singles]
-LONGEST_PHASES = 400  # longest hole that is bridged; over a longer one motion is not predictable to half a fringe
-REACH = 160  # phases on either side from which the motion in a hole is predicted
-_LEAST = 12
-DOUBT_CYCLES = 0.25
-JOIN_REACH = 48  # motion samples on either side of a long gap
-_JOIN_DOUBT = 0.2  # fringes
+MAX_BRIDGED_PHASES = 400  # longest hole that is bridged; over a longer one motion is not predictable to half a fringe
+SIDE_PHASES = 160  # phases on either side from which the motion in a hole is predicted
+_MIN_PHASES = 12
+DOUBTFUL_CYCLES = 0.25
+JOIN_SAMPLES = 48  # motion samples on either side of a long gap
+_DOUBTFUL_FRINGES = 0.2  # fringes
 
 
 class Bridge:
@@ -35,7 +35,7 @@ class Bridge:
         self._threshold = threshold
         self._box = box
         self._guard = guard
-        self._clear(0)
+        self._restart(0)
         self._shift = 0.0
 
     def feed(self, first: int, phase: Floats, power: Singles) -> list[Segment]:
@@ -47,13 +47,13 @@ class Bridge:
         if phase.size == 0:
             return ready
         if self._phase.size == 0 and self._done == 0:
-            self._clear(first)
+            self._restart(first)
         missing = first - (self._first + self._phase.size)
-        if missing > LONGEST_PHASES:
+        if missing > MAX_BRIDGED_PHASES:
             ready += self.finish()
             self.holes.append((self._first + self._phase.size, first))
             self.breaks.append(first)
-            self._clear(first)
+            self._restart(first)
         elif missing > 0:
             self._append(np.full(missing, np.nan), np.zeros(missing, np.float32))
         self._append(phase, power)
@@ -63,7 +63,7 @@ class Bridge:
         """Return the remaining phases; a hole at the end of the stream is left unbridged."""
         return self._release(last=True)
 
-    def _clear(self, first: int) -> None:
+    def _restart(self, first: int) -> None:
         self._first = first  # index of the oldest phase held
         self._done = 0  # number of phases held that were already returned
         self._phase: Floats = np.empty(0)
@@ -75,26 +75,26 @@ class Bridge:
 
     def _release(self, last: bool) -> list[Segment]:
         size = self._phase.size
-        margin = 0 if last else self._box + self._guard + _LEAST
+        margin = 0 if last else self._box + self._guard + _MIN_PHASES
         limit = max(self._done, size - margin)
-        bad = self._bad()
+        bad = self._find_holes()
         if bad is not None:
             for start, stop in stretches(bad):
                 if stop <= self._done:
                     continue
-                if not last and stop + REACH + margin > size:
+                if not last and stop + SIDE_PHASES + margin > size:
                     limit = max(self._done, min(limit, start))
                     break
-                self._mend(start, stop, bad)
+                self._fill_hole(start, stop, bad)
         out = (self._first + self._done, self._phase[self._done : limit], self._power[self._done : limit])
         self._done = limit
-        drop = max(0, self._done - REACH - self._box - self._guard - _LEAST)
+        drop = max(0, self._done - SIDE_PHASES - self._box - self._guard - _MIN_PHASES)
         self._first += drop
         self._done -= drop
         self._phase, self._power = self._phase[drop:], self._power[drop:]
         return [out] if out[1].size else []
 
-    def _bad(self) -> NDArray[np.bool_] | None:
+    def _find_holes(self) -> NDArray[np.bool_] | None:
         if self._power.size == 0 or float(self._power.min()) >= self._threshold:
             return None
         box = self._box
@@ -108,21 +108,21 @@ class Bridge:
         wide = np.minimum(centre + self._guard + 1, centre.size)
         bad = np.asarray(count[wide] - count[np.maximum(centre - self._guard, 0)] > 0)
         for start, stop in stretches(~bad):
-            if stop - start < _LEAST and start > 0 and stop < bad.size:
+            if stop - start < _MIN_PHASES and start > 0 and stop < bad.size:
                 bad[start:stop] = True
         return bad
 
-    def _mend(self, start: int, stop: int, bad: NDArray[np.bool_]) -> None:
+    def _fill_hole(self, start: int, stop: int, bad: NDArray[np.bool_]) -> None:
         self.holes.append((self._first + start, self._first + stop))
-        reach = int(np.clip(stop - start, 4 * _LEAST, REACH))
+        reach = int(np.clip(stop - start, 4 * _MIN_PHASES, SIDE_PHASES))
         before = np.arange(max(0, start - reach), start)
         after = np.arange(stop, min(self._phase.size, stop + reach))
         if bad[after].any():
             after = after[: int(np.argmax(bad[after]))]
         before = before[np.isfinite(self._phase[before])]
-        if before.size < _LEAST or after.size < _LEAST or stop - start > LONGEST_PHASES:
+        if before.size < _MIN_PHASES or after.size < _MIN_PHASES or stop - start > MAX_BRIDGED_PHASES:
             self._phase[start:stop] = np.where(np.isfinite(self._phase[start:stop]), self._phase[start:stop], 0.0)
-            if before.size >= _LEAST and after.size >= _LEAST:
+            if before.size >= _MIN_PHASES and after.size >= _MIN_PHASES:
                 self.doubtful += 1
             return
         middle = 0.5 * (start + stop - 1)
@@ -131,7 +131,7 @@ class Bridge:
         right = np.polynomial.Polynomial.fit(after - middle, self._phase[after] - base, 2)
         apart = float(right(0.0) - left(0.0))
         whole = np.rint(apart)
-        if abs(apart - whole) > DOUBT_CYCLES:
+        if abs(apart - whole) > DOUBTFUL_CYCLES:
             self.doubtful += 1
         self._phase[stop:] -= whole
         self._shift -= float(whole)
@@ -148,8 +148,8 @@ class Bridge:
         )
 
 
-def joined(
-    displacement_m: Floats, breaks: tuple[int, ...], fringe_m: float, degree: int = 2, reach: int = JOIN_REACH
+def join_stretches(
+    displacement_m: Floats, breaks: tuple[int, ...], fringe_m: float, degree: int = 2, reach: int = JOIN_SAMPLES
 ) -> tuple[Floats, bool]:
     """Join the stretches of a displacement (n,) at ``breaks`` by whole fringes; return it and whether that is unsure.
 
@@ -163,13 +163,13 @@ def joined(
     for at in breaks:
         known = np.flatnonzero(np.isfinite(out))
         before, after = known[known < at][-reach:], known[known >= at][:reach]
-        if before.size < _LEAST or after.size < _LEAST:
+        if before.size < _MIN_PHASES or after.size < _MIN_PHASES:
             continue
         middle = 0.5 * (before[-1] + after[0])
         apart = [_mismatch(out, before[-n:], after[:n], middle, degree) / fringe_m for n in (reach // 2, reach)]
         whole = np.rint(apart[-1])
         out[after[0] :] -= whole * fringe_m
-        sure = sure and abs(apart[0] - apart[1]) < _JOIN_DOUBT and abs(apart[1] - whole) < 2 * _JOIN_DOUBT
+        sure = sure and abs(apart[0] - apart[1]) < _DOUBTFUL_FRINGES and abs(apart[1] - whole) < 2 * _DOUBTFUL_FRINGES
     return out, not sure
 
 

@@ -14,18 +14,18 @@ from numpy.typing import NDArray
 from analysis.shot import Floats
 from analysis.signal.survey import Survey
 
-REMOVED, LEFT = "cross_talk_removed", "cross_talk"  # flags
+CROSS_TALK_REMOVED, CROSS_TALK_LEFT = "cross_talk_removed", "cross_talk"  # flags
 BLOCK, MOST_BLOCKS = 1024, 256  # samples of a block, and blocks examined at most
 REMOVED_ABOVE = 0.01  # relative to PD0's amplitude
 LEFT_ABOVE = 0.02  # relative to PD0's amplitude, after removal: the coupling is then not linear
-_AT_ONCE = 64  # blocks of 32 KiB; with fewer the allocator maps later arrays anew: demodulation takes 20 % longer
-_REACH = 1  # samples: taps at -1, 0 and 1
-_APART = 6.0  # frequency bins of a block by which PD1's beat must differ from PD0's to be separable
-_FEWEST = 8  # blocks
-_FAULTY = 4.0  # times the usual residual: a block with a lost sample or a flash
+_BATCH = 64  # blocks of 32 KiB; with fewer the allocator maps later arrays anew: demodulation takes 20 % longer
+_MAX_LAG = 1  # samples: taps at -1, 0 and 1
+_MIN_SEPARATION_BINS = 6.0  # frequency bins of a block by which PD1's beat must differ from PD0's to be separable
+_MIN_BLOCKS = 8
+_FAULTY_BLOCK_RATIO = 4.0  # times the usual residual: a block with a lost sample or a flash
 _SLOW_HZ = 20e3  # largest drift of a rest beat within a shot
 _LEAST_POWER = 1e-12  # of a combination of lags, relative to the strongest: less is rounding
-_STILL = 0.1  # a beat is at rest if its frequency span is below this share of the other channel's
+_AT_REST_SHARE = 0.1  # a beat is at rest if its frequency span is below this share of the other channel's
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,14 +37,14 @@ class CrossTalk:
     left: float  # the amplitude that the taps do not describe
 
 
-def swapped_hz(measurement: Survey, reference: Survey) -> float | None:
+def swapped_cables_span_hz(measurement: Survey, reference: Survey) -> float | None:
     """Return the frequency span in Hz of PD0's beat if it moves and PD1's does not (swapped cables), else None."""
     spans = []
     for seen in (measurement, reference):
         low, high = np.percentile(seen.frequency_hz[seen.seen], (5, 95))
         spans.append(float(high - low))
     moved = spans[1]
-    return moved if moved > _SLOW_HZ and spans[0] < _STILL * moved else None
+    return moved if moved > _SLOW_HZ and spans[0] < _AT_REST_SHARE * moved else None
 
 
 def find_cross_talk(
@@ -56,43 +56,43 @@ def find_cross_talk(
     """
     turns = float(np.median(rest.frequency_hz[rest.seen])) / sample_rate_hz
     at = np.interp(beat.sample, rest.sample[rest.seen], rest.frequency_hz[rest.seen])
-    away = np.abs(beat.frequency_hz - at) > _APART * sample_rate_hz / BLOCK
+    away = np.abs(beat.frequency_hz - at) > _MIN_SEPARATION_BINS * sample_rate_hz / BLOCK
     clear = beat.sample[beat.seen & away]
-    clear = clear[(clear >= _REACH) & (clear + BLOCK + _REACH <= reference.size)]
-    if clear.size < _FEWEST:
+    clear = clear[(clear >= _MAX_LAG) & (clear + BLOCK + _MAX_LAG <= reference.size)]
+    if clear.size < _MIN_BLOCKS:
         return None
     starts = clear[np.linspace(0, clear.size - 1, min(clear.size, MOST_BLOCKS)).astype(np.int64)]
     tone = _tone(turns)
-    some = (starts[first : first + _AT_ONCE] for first in range(0, starts.size, _AT_ONCE))
+    some = (starts[first : first + _BATCH] for first in range(0, starts.size, _BATCH))
     products = np.concatenate([_products(_blocks(reference, moving, at), tone) for at in some])
-    taps = _solved(products)
+    taps = _solve_taps(products)
     remainder = _squares(products, np.append(taps, -1.0))
-    sound = remainder <= _FAULTY**2 * np.median(remainder)
-    if sound.sum() < _FEWEST:
+    sound = remainder <= _FAULTY_BLOCK_RATIO**2 * np.median(remainder)
+    if sound.sum() < _MIN_BLOCKS:
         return None
-    taps = _solved(products[sound])
+    taps = _solve_taps(products[sound])
     amplitude = rest.amplitude_counts
     size = float(np.sqrt(2.0 / BLOCK * np.mean(_squares(products[sound], np.append(taps, 0.0)))))
     if size < REMOVED_ABOVE * amplitude:
         return None
     blocks = _blocks(reference, moving, starts[sound])
-    return CrossTalk(taps, size / amplitude, _left_over(blocks - (blocks @ tone) @ tone.T, taps, amplitude))
+    return CrossTalk(taps, size / amplitude, _residual_ratio(blocks - (blocks @ tone) @ tone.T, taps, amplitude))
 
 
 def without_cross_talk(reference: NDArray[np.int16], moving: NDArray[np.int16], found: CrossTalk) -> NDArray[np.int16]:
     """Return ``reference``, (n,), minus ``moving`` filtered with the taps."""
     mean = float(moving[:: max(1, moving.size // 4096)].mean())
-    beat = np.pad(moving.astype(np.float32) - np.float32(mean), _REACH, mode="edge")
+    beat = np.pad(moving.astype(np.float32) - np.float32(mean), _MAX_LAG, mode="edge")
     out = reference.astype(np.float32)
-    for tap, lag in zip(found.taps, range(-_REACH, _REACH + 1), strict=True):
-        out -= np.float32(tap) * beat[_REACH - lag : beat.size - _REACH - lag]
+    for tap, lag in zip(found.taps, range(-_MAX_LAG, _MAX_LAG + 1), strict=True):
+        out -= np.float32(tap) * beat[_MAX_LAG - lag : beat.size - _MAX_LAG - lag]
     return np.clip(np.rint(out), -32768, 32767).astype(np.int16)
 
 
 def _blocks(reference: NDArray[np.int16], moving: NDArray[np.int16], starts: NDArray[np.int64]) -> Floats:
     """Return blocks that begin at ``starts`` (m,): PD1 at each lag, then PD0; shape (m, lags + 1, BLOCK)."""
-    blocks = np.empty((starts.size, 2 * _REACH + 2, BLOCK))
-    for column, lag in enumerate(range(-_REACH, _REACH + 1)):
+    blocks = np.empty((starts.size, 2 * _MAX_LAG + 2, BLOCK))
+    for column, lag in enumerate(range(-_MAX_LAG, _MAX_LAG + 1)):
         blocks[:, column] = sliding_window_view(moving, BLOCK)[starts - lag]
     blocks[:, -1] = sliding_window_view(reference, BLOCK)[starts]
     return blocks
@@ -118,19 +118,19 @@ def _squares(products: Floats, weights: Floats) -> Floats:
     return np.asarray(np.einsum("mij,i,j->m", products, weights, weights))
 
 
-def _solved(products: Floats) -> Floats:
+def _solve_taps(products: Floats) -> Floats:
     """Return the taps by least squares over all blocks; combinations of lags with negligible power get zero."""
     total = products.sum(axis=0)
     return np.asarray(np.linalg.pinv(total[:-1, :-1], rcond=_LEAST_POWER, hermitian=True) @ total[:-1, -1])
 
 
-def _left_over(blocks: Floats, taps: Floats, amplitude: float) -> float:
+def _residual_ratio(blocks: Floats, taps: Floats, amplitude: float) -> float:
     """Return the residual amplitude of PD1's beat, at any phase, relative to PD0's: 90th percentile over the blocks.
 
     Blocks are examined separately, as the residual of a coupling that varies within the shot averages to zero.
     """
     remainder = blocks[:, -1] - taps @ blocks[:, :-1]
-    beat = blocks[:, _REACH]
+    beat = blocks[:, _MAX_LAG]
     turned = np.fft.fft(beat)
     turned[:, BLOCK // 2 :] = 0.0
     analytic = 2.0 * np.fft.ifft(turned)

@@ -20,15 +20,19 @@ from analysis.shot import (
     rate_error,
     wavelength_in_air_m,
 )
-from analysis.signal.bridge import joined
-from analysis.signal.cross_talk import LEFT as CROSS_TALK
-from analysis.signal.cross_talk import LEFT_ABOVE, find_cross_talk, swapped_hz, without_cross_talk
-from analysis.signal.cross_talk import REMOVED as CROSS_TALK_REMOVED
+from analysis.signal.bridge import join_stretches
+from analysis.signal.cross_talk import CROSS_TALK_LEFT as CROSS_TALK
+from analysis.signal.cross_talk import (
+    CROSS_TALK_REMOVED,
+    LEFT_ABOVE,
+    find_cross_talk,
+    swapped_cables_span_hz,
+    without_cross_talk,
+)
 from analysis.signal.demodulation_plan import demodulation_plans
 from analysis.signal.filters import FLAT_SHARE, MAX_BANDWIDTH_SHARE, derivative_gains, derivatives, stretches
-from analysis.signal.losses import FLAG as SAMPLES_LOST
-from analysis.signal.losses import find_losses, kinks, suspicious
-from analysis.signal.noise import wander
+from analysis.signal.losses import SAMPLES_LOST, find_losses, has_phase_jumps, phase_jump_samples
+from analysis.signal.noise import random_walk_growth
 from analysis.signal.phase_errors import find_leak, folded_harmonic, leak_phase
 from analysis.signal.rest import RestPhase, fit_rest_phase
 from analysis.signal.survey import Survey, survey
@@ -36,9 +40,9 @@ from analysis.signal.track import Grid, Track, read_tracks
 
 HARMONICS_ABOVE = 0.01  # relative to the beat; a harmonic folded onto the beat disturbs the phase by as much (rad)
 _UNSTEADY_SIGMA = 3.0
-_WORTH_ANOTHER = 0.8  # a wider band is preferred only if it misses less than this share of the samples missed so far
+_RETRY_RATIO = 0.8  # a wider band is preferred only if it misses less than this share of the samples missed so far
 _CLIPPED = 1e-4  # share of the samples at a rail above which a beat counts as clipped
-_REST_REACH = 2000
+_REST_JOIN_SAMPLES = 2000
 
 
 def demodulate(
@@ -75,7 +79,7 @@ def _surveys(recording: Recording) -> tuple[Survey, Survey | None]:
     if recording.column(Role.REFERENCE) is None:
         return moving, None
     rest = survey(_counts(recording, Role.REFERENCE), rate, bits, "reference channel")
-    moved = swapped_hz(moving, rest)
+    moved = swapped_cables_span_hz(moving, rest)
     if moved is not None:
         raise AnalysisError(
             f"PD0's beat moves by {1e-3 * moved:.0f} kHz and PD1's stands still: their cables are swapped, or the "
@@ -119,7 +123,7 @@ def _read_beats(
         grid = Grid.of(recording, step)
         tracks = read_tracks(recording, beats, grid, progress, cancelled)
         missed = _missed(tracks[0], grid)
-        if best is not None and missed >= _WORTH_ANOTHER * best[0]:
+        if best is not None and missed >= _RETRY_RATIO * best[0]:
             break  # if a wider band does not help, the band is not the cause
         best = (missed, grid, tracks)
         if missed == 0:
@@ -134,10 +138,10 @@ def _with_losses(recording: Recording, grid: Grid, tracks: list[Track]) -> Recor
         return None
     # A clipped beat has harmonics; one that folds onto the beat makes its phase jump as a loss would.
     whole = tracks[0].spec.survey.clipped_fraction <= _CLIPPED
-    kinked = [grid.stored_sample(at, tracks[0].spec.tuning) for at in kinks(tracks[0])] if whole else []
-    if not kinked and not suspicious(tracks[1]):
+    pd1_jumps = [grid.stored_sample(at, tracks[0].spec.tuning) for at in phase_jump_samples(tracks[0])] if whole else []
+    if not pd1_jumps and not has_phase_jumps(tracks[1]):
         return None
-    lost = find_losses(recording, _mean_hz(tracks[1], grid), kinked)
+    lost = find_losses(recording, _mean_hz(tracks[1], grid), pd1_jumps)
     if not lost:
         return None
     gaps = tuple(sorted((*recording.gaps, *lost), key=lambda gap: gap.sample_start))
@@ -205,7 +209,7 @@ def _motion(
     std = np.asarray(0.5 * wavelength_m * np.hypot(track.std_cycles[:count], rest.std_cycles))
     hole = track.hole[:count]
     flags += _gap_flags(grid, tracks, hole)
-    displacement, doubtful = joined(displacement, track.breaks, 0.5 * wavelength_m)
+    displacement, doubtful = join_stretches(displacement, track.breaks, 0.5 * wavelength_m)
     if doubtful:
         flags.append("fringe_doubtful")
     valid = np.isfinite(displacement) & ~hole
@@ -270,7 +274,7 @@ def _derived(
     finite = np.isfinite(displacement)
     gains = derivative_gains(finite, rate_hz, bandwidth_hz)
     velocity_std, acceleration_std = std * gains[0], std * gains[1]
-    walk = wander(displacement, std, acceleration, acceleration_std, rate_hz)
+    walk = random_walk_growth(displacement, std, acceleration, acceleration_std, rate_hz)
     if walk > 0.0:
         gains = derivative_gains(finite, rate_hz, bandwidth_hz, walk=True)
         velocity_std = np.hypot(velocity_std, walk * gains[0])
@@ -328,7 +332,7 @@ def _rest(
     track = tracks[1]
     own_time = grid.time_s(track.spec.tuning)
     std = float(np.nanmedian(track.std_cycles))
-    phase, doubtful = joined(track.phase_cycles, track.breaks, 1.0, degree=1, reach=_REST_REACH)
+    phase, doubtful = join_stretches(track.phase_cycles, track.breaks, 1.0, degree=1, reach=_REST_JOIN_SAMPLES)
     if doubtful:
         flags.append("fringe_doubtful")
     rest = fit_rest_phase(own_time, np.where(track.hole, np.nan, phase), std, track.oscillator_hz)

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from analysis.shot import Floats, Gap, Recording, Role
 from analysis.signal.filters import stretches
-from analysis.signal.rest import RestTones, cumulative, jump_of, tone_columns
+from analysis.signal.rest import LossResiduals, cumulative, phase_jump, tone_columns
 from analysis.signal.track import Track
 
-FLAG = "samples_lost"
-APART = 16  # motion samples: more than the decimator's length
+SAMPLES_LOST = "samples_lost"
+STEP_SAMPLES = 16  # motion samples: more than the decimator's length
 SUSPECT_SIGMAS = 8.0
 SUSPECT_CYCLES = 0.01  # smallest jump that is examined
 SHORTEST_BLOCK, LONGEST_BLOCK = 64, 1024
@@ -27,27 +27,27 @@ BLOCK_PERIODS = 8.0  # shortest block, in periods of the beat and of its distanc
 JUMP_CYCLES = 0.006  # smallest jump of a block's phase
 SIDE_BLOCKS = 8  # blocks of samples on each side from which a jump is measured
 PD0_CYCLES, PD1_CYCLES = 0.003, 0.04  # three standard deviations of a measured jump (PD0: at least)
-MOST_SINGLE = 64  # any loss of up to this many samples is considered ...
+MAX_SINGLE_SAMPLES = 64  # any loss of up to this many samples is considered ...
 PACKET, MOST_LOST = 64, 8192  # ... and larger ones in whole packets of a transfer
 MOST_LOSSES = 200
 CLOSE_BLOCKS = 3  # shortest blocks within which two losses are examined together
-KINK_SIGMAS, KINK_CYCLES = 10.0, 0.02  # least fourth difference of the moving beat's phase at a kink
-KINK_GUARD, KINK_SIDE = 256, 2048  # samples: uncertainty of a kink's place, and reach of the beat's extrapolation
-REACH = KINK_SIDE + 64  # samples examined on each side of a kink
+PD1_JUMP_SIGMAS, PD1_JUMP_CYCLES = 10.0, 0.02  # least fourth difference of the moving beat's phase at a jump
+PD1_GUARD, PD1_SIDE = 256, 2048  # samples: uncertainty of a jump's place, reach of the extrapolation
+PD1_REACH = PD1_SIDE + 64  # samples examined on each side of a jump
 
 
-def suspicious(reference: Track) -> bool:
+def has_phase_jumps(reference: Track) -> bool:
     """Return whether the rest beat's phase jumps by more than noise anywhere.  Cost: one pass over the samples."""
-    step = reference.phase_cycles[APART:] - reference.phase_cycles[:-APART]
+    step = reference.phase_cycles[STEP_SAMPLES:] - reference.phase_cycles[:-STEP_SAMPLES]
     step = step[np.isfinite(step)]
-    if step.size < 8 * APART:
+    if step.size < 8 * STEP_SAMPLES:
         return False
     step = _wrapped(step - np.median(step))
     usual = 1.4826 * float(np.median(np.abs(step)))
     return bool(np.abs(step).max() > max(SUSPECT_CYCLES, SUSPECT_SIGMAS * usual))
 
 
-def kinks(moving: Track) -> list[int]:
+def phase_jump_samples(moving: Track) -> list[int]:
     """Return the motion samples near which the moving beat's phase jumps faster than in any collision.
 
     A jump appears in the fourth difference over the whole length of the decimator.  A force that starts abruptly moves
@@ -55,19 +55,19 @@ def kinks(moving: Track) -> list[int]:
     """
     bend = np.abs(np.diff(moving.phase_cycles, 4))
     known = np.isfinite(bend)
-    if np.count_nonzero(known) < 8 * APART:
+    if np.count_nonzero(known) < 8 * STEP_SAMPLES:
         return []
     usual = 1.4826 * float(np.median(bend[known]))
-    over = np.flatnonzero(known & (bend > max(KINK_CYCLES, KINK_SIGMAS * usual)))
-    runs = np.split(over, np.flatnonzero(np.diff(over) > APART) + 1)
+    over = np.flatnonzero(known & (bend > max(PD1_JUMP_CYCLES, PD1_JUMP_SIGMAS * usual)))
+    runs = np.split(over, np.flatnonzero(np.diff(over) > STEP_SAMPLES) + 1)
     return [int(run[bend[run].argmax()]) + 2 for run in runs if run.size]
 
 
-def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()) -> tuple[Gap, ...]:
+def find_losses(recording: Recording, rest_hz: float, pd1_jumps: Sequence[int] = ()) -> tuple[Gap, ...]:
     """Return the losses found from both beats, without those already known as gaps.
 
-    ``kinked`` are the stored samples near which PD1 jumps (``kinks``); where PD0 does not jump, whole periods of PD0's
-    beat may be missing.  Cost: some 10 ms per million samples, and 1 ms per loss.
+    ``pd1_jumps`` are the stored samples near which PD1 jumps (``phase_jump_samples``); where PD0 does not jump, whole
+    periods of PD0's beat may be missing.  Cost: some 10 ms per million samples, and 1 ms per loss.
     """
     column = recording.column(Role.REFERENCE)
     moving_column = recording.column(Role.MEASUREMENT)
@@ -82,20 +82,20 @@ def find_losses(recording: Recording, rest_hz: float, kinked: Sequence[int] = ()
     counts = recording.counts[:, column]
     turns, places = _jumps(counts, turns, block)
     known = np.array([gap.sample_start for gap in recording.gaps], dtype=np.int64)
-    places = _joined([at for at in places if not known.size or np.abs(known - at).min() > 2 * block])
+    places = _merge_clusters([at for at in places if not known.size or np.abs(known - at).min() > 2 * block])
     if len(places) > MOST_LOSSES:
         return ()
     found = []
     bounds = [0, *((one + other) // 2 for one, other in itertools.pairwise(places)), counts.size]
     for at, low, high in zip(places, bounds[:-1], bounds[1:], strict=False):
         first, last = max(at - SIDE_BLOCKS * block, low), min(at + SIDE_BLOCKS * block, high)
-        gaps = _losses(
+        gaps = _losses_near(
             recording.counts[first:last, column], recording.counts[first:last, moving_column], at - first, turns
         )
         found += [Gap(first + gap.sample_start, gap.samples_lost) for gap in gaps]
     taken = np.array([*places, *known], dtype=np.int64)
-    for near in kinked:
-        first, last = max(near - REACH, 0), min(near + REACH, counts.size)
+    for near in pd1_jumps:
+        first, last = max(near - PD1_REACH, 0), min(near + PD1_REACH, counts.size)
         if taken.size and np.abs(taken - near).min() < 2 * block:
             continue
         whole = _whole_periods(counts[first:last], recording.counts[first:last, moving_column], near - first, turns)
@@ -142,7 +142,7 @@ def _jumps(counts: NDArray[np.int16], turns: float, block: int) -> tuple[float, 
     return turns + per_block / (block // 2), places
 
 
-def _joined(places: list[int]) -> list[int]:
+def _merge_clusters(places: list[int]) -> list[int]:
     """Return the places with clusters replaced by their mean."""
     joined: list[list[int]] = []
     for at in places:
@@ -153,32 +153,32 @@ def _joined(places: list[int]) -> list[int]:
     return [sum(together) // len(together) for together in joined]
 
 
-def _losses(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, turns: float) -> tuple[Gap, ...]:
+def _losses_near(reference: NDArray[np.int16], moving: NDArray[np.int16], near: int, turns: float) -> tuple[Gap, ...]:
     """Return the loss, or two losses close together, near sample ``near`` of a stretch of both beats; () if none."""
     x, beat = reference.astype(np.float64), moving.astype(np.float64)
     room = min(near // 2, (x.size - near) // 2)
     guard = min(SHORTEST_BLOCK, room)
     if guard < 32:
         return ()
-    one = RestTones.of(x, near, guard, turns)
+    one = LossResiduals.of(x, near, guard, turns)
     place = int((one.before - one.after).argmin())
-    if one.before[place] - one.after[place] + one.after[-1] <= one.most:
+    if one.before[place] - one.after[place] + one.after[-1] <= one.limit:
         at = near - guard + place
-        gap = _counted(at, turns, one.jump, one.sigma, _moving_jump(beat, at))
+        gap = _likely_loss(at, turns, one.jump, one.sigma, _moving_jump(beat, at))
         return () if gap is None else (gap,)
     guard = min(CLOSE_BLOCKS * SHORTEST_BLOCK, room)
-    two = RestTones.of(x, near, guard, turns)
+    two = LossResiduals.of(x, near, guard, turns)
     left, place, lasts, count = two.two_losses(turns)
     at = near - guard + place
-    whole = _counted(at, turns, two.jump, two.sigma, _moving_jump(beat, at, lasts)) if left <= two.most else None
+    whole = _likely_loss(at, turns, two.jump, two.sigma, _moving_jump(beat, at, lasts)) if left <= two.limit else None
     if whole is None or whole.samples_lost is None or whole.samples_lost <= count:
         return ()
     return Gap(at, count), Gap(at + lasts, whole.samples_lost - count)
 
 
-def _counted(at: int, turns: float, jump: float, sigma: float, moved: tuple[float, float] | None) -> Gap | None:
+def _likely_loss(at: int, turns: float, jump: float, sigma: float, moved: tuple[float, float] | None) -> Gap | None:
     """Return the loss whose size explains the jumps of both beats, ``jump`` and ``moved``; None if no size does."""
-    lost = np.concatenate([np.arange(1, MOST_SINGLE + 1), np.arange(2 * PACKET, MOST_LOST + 1, PACKET)])
+    lost = np.concatenate([np.arange(1, MAX_SINGLE_SAMPLES + 1), np.arange(2 * PACKET, MOST_LOST + 1, PACKET)])
     misfit = (_wrapped(lost * turns - jump) / max(PD0_CYCLES / 3.0, sigma)) ** 2
     if moved is not None:
         misfit += (_wrapped(lost * moved[0] - moved[1]) / (PD1_CYCLES / 3.0)) ** 2
@@ -192,25 +192,25 @@ def _whole_periods(reference: NDArray[np.int16], moving: NDArray[np.int16], near
     The loss is placed where the moving beat, extrapolated from both sides, has the smallest residual.
     """
     x = moving - moving.mean()
-    spans = (slice(max(0, near - KINK_SIDE), near - KINK_GUARD), slice(near + KINK_GUARD, near + KINK_SIDE))
-    within = np.arange(near - KINK_GUARD, near + KINK_GUARD)
+    spans = (slice(max(0, near - PD1_SIDE), near - PD1_GUARD), slice(near + PD1_GUARD, near + PD1_SIDE))
+    within = np.arange(near - PD1_GUARD, near + PD1_GUARD)
     errors = []
     for span in spans:
-        cycles = _extrapolated(x, span, near)
+        cycles = _side_phase(x, span, near)
         if cycles is None:
             return None
         index = np.arange(x.size)[span]
         level = np.linalg.lstsq(tone_columns(cycles(index - near)), x[span], rcond=None)[0]
         errors.append((x[within] - tone_columns(cycles(within - near)) @ level) ** 2)
-    at = near - KINK_GUARD + int(cumulative(errors[0] - errors[1]).argmin())
+    at = near - PD1_GUARD + int(cumulative(errors[0] - errors[1]).argmin())
     moved = _moving_jump(x, at)
     if moved is None or abs(moved[1]) < PD1_CYCLES:
         return None
     y = reference - reference.mean()
     sides = (slice(0, at - 2), slice(at + 2, y.size))
     tone = tone_columns(turns * np.arange(y.size))
-    jump = jump_of([np.linalg.lstsq(tone[side], y[side], rcond=None)[0] for side in sides])
-    return _counted(at, turns, float(_wrapped(np.array(jump))), 0.0, moved)
+    jump = phase_jump([np.linalg.lstsq(tone[side], y[side], rcond=None)[0] for side in sides])
+    return _likely_loss(at, turns, float(_wrapped(np.array(jump))), 0.0, moved)
 
 
 def _moving_jump(x: Floats, at: int, lasts: int = 0) -> tuple[float, float] | None:
@@ -218,16 +218,14 @@ def _moving_jump(x: Floats, at: int, lasts: int = 0) -> tuple[float, float] | No
 
     The ``lasts`` samples from ``at`` on are ignored.
     """
-    before, after = (
-        _extrapolated(x - x.mean(), side, at) for side in (slice(0, at - 2), slice(at + lasts + 2, x.size))
-    )
+    before, after = (_side_phase(x - x.mean(), side, at) for side in (slice(0, at - 2), slice(at + lasts + 2, x.size)))
     if before is None or after is None:
         return None
     turns = 0.5 * (float(before.deriv()(0.0)) + float(after.deriv()(0.0)))
     return turns, float(_wrapped(np.array(float(after(0.0)) - float(before(0.0)))))
 
 
-def _extrapolated(x: Floats, side: slice, at: int) -> Polynomial | None:
+def _side_phase(x: Floats, side: slice, at: int) -> Polynomial | None:
     """Return a polynomial of a beat's phase in cycles, over samples from ``at``, fitted to one side; None if dark."""
     block = 64
     part = x[side]

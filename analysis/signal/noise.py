@@ -8,9 +8,9 @@ from analysis.signal.filters import stretches
 CHI2_MEDIAN = 0.45494  # median of a squared standard normal
 _NOISE_BLOCK = 512  # samples per local variance
 BLOCK = 32  # samples per mean
-_FORCED = 8.0  # standard deviations of acceleration above which a force acts
-_SHIELD = 100  # samples on each side of a force that are excluded
-_LEAST = 40  # second differences needed
+_FORCE_SIGMAS = 8.0  # standard deviations of acceleration above which a force acts
+_FORCE_MARGIN = 100  # samples on each side of a force that are excluded
+_MIN_DIFFERENCES = 40  # second differences needed
 _SIGMA = 4.0
 LEAST_NOISE_M = 1e-15  # rounding noise of a constant displacement
 
@@ -24,16 +24,18 @@ def white_noise(third: Floats) -> float:
     return 1.4826 * float(np.median(np.abs(third))) / float(np.sqrt(20.0)) if third.size else 0.0
 
 
-def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, acceleration_std: Floats, rate: float) -> float:
+def random_walk_growth(
+    displacement_m: Floats, std_m: Floats, acceleration: Floats, acceleration_std: Floats, rate: float
+) -> float:
     """Return the growth w of a random walk in the displacement, in m/s^0.5; 0.0 if white noise accounts for all.
 
     Arrays have shape (n,).  In flight, second differences of neighbouring means over a time tau have the variance
     6 sigma^2 / BLOCK from white noise plus w^2 tau from a random walk; their median over the flight yields w.
     """
     with np.errstate(invalid="ignore"):
-        forced = ~(np.abs(acceleration) < _FORCED * acceleration_std)
+        forced = ~(np.abs(acceleration) < _FORCE_SIGMAS * acceleration_std)
     # not mode "same", which would return the shield's length for a record shorter than the shield
-    near = np.convolve(forced, np.ones(2 * _SHIELD + 1))[_SHIELD:-_SHIELD] > 0.5
+    near = np.convolve(forced, np.ones(2 * _FORCE_MARGIN + 1))[_FORCE_MARGIN:-_FORCE_MARGIN] > 0.5
     squares = []
     for start, stop in stretches(~near & np.isfinite(displacement_m)):
         count = (stop - start) // BLOCK
@@ -43,7 +45,7 @@ def wander(displacement_m: Floats, std_m: Floats, acceleration: Floats, accelera
     if not squares:
         return 0.0
     joined = np.concatenate(squares)
-    if joined.size < _LEAST:
+    if joined.size < _MIN_DIFFERENCES:
         return 0.0
     total = float(np.median(joined)) / CHI2_MEDIAN
     white = 6.0 * float(np.nanmedian(std_m)) ** 2 / BLOCK

@@ -11,10 +11,10 @@ import numpy as np
 from analysis.shot import AnalysisError, Floats, Quantity
 
 _HIGHEST_DEGREE = 4
-_MEANS = 1024  # number of means to which the phases are averaged before curves are fitted
-_WORTH = 25.0  # least decrease of chi^2 for a further term of the polynomial (5 sigma)
-SHARP = 2.0  # times the noise variance on both sides: a larger residual is a gradual change, not a loss
-MOST_CLOSE = 16  # most samples lost in the first of two losses within a few periods of the beat
+_NUMBER_OF_MEANS = 1024  # number of means to which the phases are averaged before curves are fitted
+_MIN_CHI2_DECREASE = 25.0  # least decrease of chi^2 for a further term of the polynomial (5 sigma)
+MAX_RESIDUAL_RATIO = 2.0  # times the noise variance on both sides: a larger residual is a gradual change, not a loss
+MAX_FIRST_LOSS = 16  # most samples lost in the first of two losses within a few periods of the beat
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,7 @@ def fit_rest_phase(time_s: Floats, phase_cycles: Floats, std_cycles: float, osci
     half = max(0.5 * (time_s[-1] - time_s[0]), 1e-12)
     u = (time_s - middle) / half
     known = np.isfinite(phase_cycles)
-    each = max(1, int(known.sum()) // _MEANS)
+    each = max(1, int(known.sum()) // _NUMBER_OF_MEANS)
     count = int(known.sum()) // each
     mean_u = u[known][: count * each].reshape(count, each).mean(axis=1)
     mean_phase = phase_cycles[known][: count * each].reshape(count, each).mean(axis=1)
@@ -53,7 +53,7 @@ def fit_rest_phase(time_s: Floats, phase_cycles: Floats, std_cycles: float, osci
             break
         series = np.polynomial.Legendre.fit(mean_u, mean_phase, degree, domain=[-1, 1])
         left = float(np.sum((mean_phase - series(mean_u)) ** 2)) * each
-        if best is None or best[2] - left > _WORTH * max(std_cycles, 1e-9) ** 2:
+        if best is None or best[2] - left > _MIN_CHI2_DECREASE * max(std_cycles, 1e-9) ** 2:
             best = (degree, np.asarray(series.coef, dtype=np.float64), left)
     if best is None:
         raise AnalysisError("reference channel: too short for a rest frequency")
@@ -74,12 +74,12 @@ def fit_rest_phase(time_s: Floats, phase_cycles: Floats, std_cycles: float, osci
 
 
 @dataclass(frozen=True, slots=True)
-class RestTones:
+class LossResiduals:
     """The residuals of a stretch of the rest beat that may lack samples, from the tones fitted before and after it.
 
     ``before`` and ``after``, shape (n + 1,), are cumulative squared residuals of the samples ``x``, shape (n,), from
     each tone.  ``tone``, shape (n, 3), holds the beat's cosine, sine and level; ``solution``, shape (3,), the tone
-    before.  ``most`` is the sum of squares expected at most, ``jump`` the cycles between the tones, ``sigma`` its std.
+    before.  ``limit`` is the sum of squares expected at most, ``jump`` the cycles between the tones, ``sigma`` its std.
     """
 
     x: Floats
@@ -87,12 +87,12 @@ class RestTones:
     solution: Floats
     before: Floats
     after: Floats
-    most: float
+    limit: float
     jump: float
     sigma: float
 
     @classmethod
-    def of(cls, x: Floats, near: int, guard: int, turns: float) -> "RestTones":
+    def of(cls, x: Floats, near: int, guard: int, turns: float) -> "LossResiduals":
         """Fit tones of ``turns`` cycles per sample to all but ``guard`` samples on each side of sample ``near``."""
         tone = np.column_stack([tone_columns(turns * np.arange(x.size, dtype=np.float64)), np.ones(x.size)])
         sides = (slice(0, near - guard), slice(near + guard, x.size))
@@ -107,8 +107,8 @@ class RestTones:
             solutions[0],
             cumulative(errors[0][within]),
             cumulative(errors[1][within]),
-            2 * guard * (SHARP * noise + 1.0),
-            jump_of(solutions),
+            2 * guard * (MAX_RESIDUAL_RATIO * noise + 1.0),
+            phase_jump(solutions),
             np.sqrt(noise) / max(amplitude, 1e-9) / (2 * np.pi) * np.sqrt(4.0 / max(near - guard, 8)),
         )
 
@@ -116,7 +116,7 @@ class RestTones:
         """Return (squared residual with two losses, place of the first, distance to the second, size of the first)."""
         best = (float(np.inf), 0, 0, 0)
         cosine, sine, level = self.solution
-        for count in range(1, MOST_CLOSE + 1):
+        for count in range(1, MAX_FIRST_LOSS + 1):
             turn = 2 * np.pi * turns * count
             moved = (cosine * np.cos(turn) + sine * np.sin(turn), sine * np.cos(turn) - cosine * np.sin(turn), level)
             between = cumulative((self.x - self.tone @ np.array(moved)) ** 2)
@@ -128,7 +128,7 @@ class RestTones:
         return best
 
 
-def jump_of(solutions: Sequence[Floats]) -> float:
+def phase_jump(solutions: Sequence[Floats]) -> float:
     """Return the phase difference in cycles of two tones, each given by the coefficients of its cosine and sine."""
     before, after = (float(np.arctan2(-s[1], s[0])) / (2 * np.pi) for s in solutions)
     return after - before

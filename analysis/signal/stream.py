@@ -12,14 +12,14 @@ from analysis.signal.filters import derivative_filters
 from analysis.signal.survey import survey
 from analysis.signal.tuning import Tuning, fixed_schedule, tune
 
-LOOK_S = 2e-3  # length of stream that is surveyed to choose the band-passes
+SURVEY_S = 2e-3  # length of stream that is surveyed to choose the band-passes
 REST_MEMORY_S = 0.2  # averaging time of the rest frequency
-LISTEN_S, LISTEN_EVERY_S = 0.025, 0.1  # LIVE reads PD0 for 25 ms of every 100 ms: 1 mHz of scatter at 37 dB
+PD0_READ_S, PD0_PERIOD_S = 0.025, 0.1  # LIVE reads PD0 for 25 ms of every 100 ms: 1 mHz of scatter at 37 dB
 MAX_DOPPLER_HZ = 1.3e6
 _REST_HALF_WIDTH_HZ = 80e3
 _MIN_PHASE_RATE_HZ = 100e3
 _GROUP = 8  # phases averaged before they are filtered, if their rate is far above the display's
-_LEAST_GROUPS = 16  # least number of groups per point of the display
+_MIN_GROUPS = 16  # least number of groups per point of the display
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,8 @@ class LiveChunk:
 class LiveDemodulator:
     """Demodulates a running stream at a display rate; used from one thread.
 
-    The band-passes are chosen from the first ``LOOK_S`` of stream (repeated until a beat is found); then both beats are
-    followed.  The output lags the input by 3 / bandwidth.  Memory is that of a few blocks however long the stream.
+    The band-passes are chosen from the first ``SURVEY_S`` of stream (repeated until a beat is found); then both beats
+    are followed.  The output lags the input by 3 / bandwidth.  Memory is that of a few blocks however long the stream.
     Raises AnalysisError at once if the rest frequency is neither recorded nor stated.
     """
 
@@ -65,48 +65,48 @@ class LiveDemodulator:
         except ValueError as problem:
             raise AnalysisError(str(problem)) from None
         self._sample = 0  # next input sample, lost samples counted
-        self._look: list[NDArray[np.int16]] = []
-        self._lines: list[_BeatStream] = []
+        self._survey_counts: list[NDArray[np.int16]] = []
+        self._beats: list[_BeatStream] = []
         self._rest_hz: float | None = None if reference_column is not None else setup.rest_frequency_hz
         self._rest_weight = 0.0
-        self._listened_from = 0  # sample at which PD0's reading periods begin
-        self._broken = False
-        self._pending: Floats | None = None  # of the moving beat, until the rest frequency is known
+        self._pd0_period_start = 0  # sample at which PD0's reading periods begin
+        self._after_gap = False
+        self._waiting: Floats | None = None  # of the moving beat, until the rest frequency is known
         self._problem: str | None = "looking for the beat"
 
     @property
     def rate_hz(self) -> float | None:
         """Get the rate of the display's points, close to ``output_rate_hz``; None before a beat is found."""
-        return self._lines[0].rate_hz if self._lines else None
+        return self._beats[0].rate_hz if self._beats else None
 
     def feed(self, counts: NDArray[np.int16]) -> LiveChunk:
         """Process the next counts, shape (n, channels), and return their output samples."""
         self._sample += counts.shape[0]
-        if self._lines:
-            return self._follow(counts)
-        self._look.append(counts.copy())
-        enough = max(4096, round(LOOK_S * self._rate))
-        if sum(block.shape[0] for block in self._look) < enough:
-            return self._nothing()
-        seen = np.concatenate(self._look)
-        self._look = []
+        if self._beats:
+            return self._demodulate(counts)
+        self._survey_counts.append(counts.copy())
+        enough = max(4096, round(SURVEY_S * self._rate))
+        if sum(block.shape[0] for block in self._survey_counts) < enough:
+            return self._empty_chunk()
+        seen = np.concatenate(self._survey_counts)
+        self._survey_counts = []
         try:
             self._tune(seen[:enough])  # a fixed number, so that the result does not depend on the block size
         except AnalysisError as problem:
             self._problem = str(problem)
-            return self._nothing()
+            return self._empty_chunk()
         self._problem = None
         self._restart(self._sample - seen.shape[0])
-        return self._follow(seen)
+        return self._demodulate(seen)
 
     def gap(self, samples_lost: int | None) -> None:
         """Note that samples were lost before the next block; None: number unknown."""
         self._sample += samples_lost or 0
-        self._look = []
-        if self._lines:
+        self._survey_counts = []
+        if self._beats:
             self._restart(self._sample)
-            self._pending = None
-            self._broken = True
+            self._waiting = None
+            self._after_gap = True
 
     def _tune(self, seen: NDArray[np.int16]) -> None:
         measurement, reference = self._columns
@@ -132,57 +132,57 @@ class LiveDemodulator:
                     raise
                 reach *= 0.85
         tunings.insert(0, (measurement, tuning, centre, beat.offset_counts))
-        self._lines = [_BeatStream(*t, self._wanted_rate, self._bandwidth) for t in tunings]
+        self._beats = [_BeatStream(*t, self._wanted_rate, self._bandwidth) for t in tunings]
 
     def _restart(self, sample: int) -> None:
-        self._listened_from = sample
-        self._lines[0].restart(sample)  # PD0 restarts each time it is read
+        self._pd0_period_start = sample
+        self._beats[0].restart(sample)  # PD0 restarts each time it is read
 
-    def _follow(self, counts: NDArray[np.int16]) -> LiveChunk:
-        line = self._lines[0]
+    def _demodulate(self, counts: NDArray[np.int16]) -> LiveChunk:
+        line = self._beats[0]
         parts = line.feed(counts)
-        if self._pending is not None:
-            parts = np.concatenate((self._pending, parts), axis=1)
-            self._pending = None
+        if self._waiting is not None:
+            parts = np.concatenate((self._waiting, parts), axis=1)
+            self._waiting = None
         time_s, frequency, slope = parts
-        if len(self._lines) > 1:
-            self._listen(counts)
+        if len(self._beats) > 1:
+            self._read_pd0(counts)
         if self._rest_hz is None:
-            self._pending = parts
-            return self._nothing()
+            self._waiting = parts
+            return self._empty_chunk()
         if time_s.size == 0:
-            return self._nothing()
+            return self._empty_chunk()
         velocity = -0.5 * self._wavelength * (frequency - self._rest_hz)
         force = -0.5 * self._wavelength * self._setup.moving_mass_kg * slope
-        if self._broken:
-            self._broken = False
+        if self._after_gap:
+            self._after_gap = False
             time_s = np.concatenate(([time_s[0] - 1 / line.rate_hz], time_s))
             frequency, velocity, force = (np.concatenate(([np.nan], part)) for part in (frequency, velocity, force))
         return LiveChunk(time_s, frequency, velocity, force, self._rest_hz, None)
 
-    def _listen(self, counts: NDArray[np.int16]) -> None:
+    def _read_pd0(self, counts: NDArray[np.int16]) -> None:
         """Read PD0 in the first part of every period that ``counts``, which end at ``_sample``, overlap."""
-        period, part = round(LISTEN_EVERY_S * self._rate), round(LISTEN_S * self._rate)
+        period, part = round(PD0_PERIOD_S * self._rate), round(PD0_READ_S * self._rate)
         first = at = self._sample - counts.shape[0]
         while at < self._sample:
-            into = (at - self._listened_from) % period
+            into = (at - self._pd0_period_start) % period
             if into == 0:
-                self._lines[1].restart(at)
+                self._beats[1].restart(at)
             stop = min(self._sample, at + (part if into < part else period) - into)
             if into < part:
-                self._average_rest(self._lines[1].feed(counts[at - first : stop - first])[1])
+                self._average_rest(self._beats[1].feed(counts[at - first : stop - first])[1])
             at = stop
 
     def _average_rest(self, rest: Floats) -> None:
         if rest.size == 0:
             return
-        memory = REST_MEMORY_S * self._lines[1].rate_hz * LISTEN_S / LISTEN_EVERY_S
+        memory = REST_MEMORY_S * self._beats[1].rate_hz * PD0_READ_S / PD0_PERIOD_S
         weight = rest.size / (rest.size + min(self._rest_weight, memory))
         mean = float(rest.mean())
         self._rest_hz = mean if self._rest_hz is None else self._rest_hz + weight * (mean - self._rest_hz)
         self._rest_weight += rest.size
 
-    def _nothing(self) -> LiveChunk:
+    def _empty_chunk(self) -> LiveChunk:
         empty = np.empty(0)
         return LiveChunk(empty, empty, empty, empty, self._rest_hz, self._problem)
 
@@ -195,16 +195,16 @@ class _BeatStream:
     ) -> None:
         self._column = column
         self._tuning = tuning
-        self._guide = fixed_schedule(tuning, centre_hz)
+        self._schedule = fixed_schedule(tuning, centre_hz)
         self._offset = offset
-        self._group = _GROUP if tuning.phase_rate_hz > _LEAST_GROUPS * _GROUP * rate_hz else 1
+        self._group = _GROUP if tuning.phase_rate_hz > _MIN_GROUPS * _GROUP * rate_hz else 1
         self._factor = max(2, round(tuning.phase_rate_hz / (self._group * rate_hz)))
         self._step = self._group * self._factor * tuning.decimation  # input samples per output point
         self.rate_hz = tuning.sample_rate_hz / self._step
         self._filters = derivative_filters(self.rate_hz, min(bandwidth_hz, 0.35 * self.rate_hz))
 
     def restart(self, sample: int) -> None:
-        self._reader = BeatReader(self._tuning, self._guide, self._column, self._offset, sample)
+        self._reader = BeatReader(self._tuning, self._schedule, self._column, self._offset, sample)
         self._decimator = PhaseDecimator(self._factor)
         middle = self._reader.index + 0.5 * (self._group - 1)  # centre of the first group
         self._delay = middle * self._tuning.decimation + self._tuning.delay_samples

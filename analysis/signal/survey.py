@@ -12,12 +12,12 @@ STRETCH_S = 40e-6
 SPACING_S = 1e-3
 _MOST_STRETCHES = 2000
 _SATURATED = 0.9  # share of the samples at the rail: a sine clipped at a sixth of its height
-_PINNED = 3.0  # clipped: more than this many times as many samples at the extremes as one count inside them
+_PINNED_RATIO = 3.0  # clipped: more than this many times as many samples at the extremes as one count inside them
 _APART = 5  # bins, beyond which the window's side lobes are below a third of a percent
 _EDGE = 8
-_FEWEST = 8  # stretches
-_DARK = 0.02  # of the median peak power, below which a stretch holds no beat
-_SEEN = 13.0  # least ratio of peak power to mean noise power: one noise bin in 400,000 exceeds it
+_MIN_STRETCHES = 8
+_DARK_RATIO = 0.02  # of the median peak power, below which a stretch holds no beat
+_SEEN_RATIO = 13.0  # least ratio of peak power to mean noise power: one noise bin in 400,000 exceeds it
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +79,9 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
     rows = np.arange(stretches)
     noise = np.median(power[:, 5:-2:3], axis=1).astype(np.float64) / np.log(2.0)
     height = power[rows, peak]
-    seen = height > _SEEN * np.maximum(noise, 1e-12)
+    seen = height > _SEEN_RATIO * np.maximum(noise, 1e-12)
     if seen.any():
-        seen &= height > _DARK * np.median(height[seen])  # without light, rounding alone has peaks too
+        seen &= height > _DARK_RATIO * np.median(height[seen])  # without light, rounding alone has peaks too
     if not seen.any() or seen.mean() < 0.2:
         raise AnalysisError(f"{what}: no beat found, only noise ({high - low} counts from peak to peak)")
     frequency = (peak + _peak_offset(power, rows, peak)) * sample_rate_hz / length
@@ -107,7 +107,7 @@ def _excess_pinning(raw: NDArray[np.int16], low: int, high: int) -> float:
     extreme = float(((raw == high) | (raw == low)).mean())
     next_in = float(((raw == high - 1) | (raw == low + 1)).mean())
     expected = 4 * np.sqrt(2.0 / max(high - low, 1)) / np.pi  # twice a sine's share within a count of its extremes
-    return extreme if extreme > expected + 0.01 and extreme > _PINNED * next_in else 0.0
+    return extreme if extreme > expected + 0.01 and extreme > _PINNED_RATIO * next_in else 0.0
 
 
 def _harmonics(power: NDArray[np.float32], peak: NDArray[np.float64], noise: NDArray[np.float64]) -> float:
@@ -123,7 +123,7 @@ def _harmonics(power: NDArray[np.float32], peak: NDArray[np.float64], noise: NDA
         folded = np.mod(order * peak, size)
         place = np.rint(np.minimum(folded, size - folded)).astype(np.int64)
         seen = (np.abs(place - peak) > _APART) & (place > _EDGE) & (place < power.shape[1] - 1 - _EDGE)
-        if seen.sum() < _FEWEST:
+        if seen.sum() < _MIN_STRETCHES:
             continue
         near = np.max([power[rows[seen], place[seen] + k] for k in (-1, 0, 1)], axis=0)
         strongest = max(strongest, float(np.median(near - 2 * noise[seen])) / float(beat))

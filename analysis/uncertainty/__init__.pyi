@@ -7,11 +7,21 @@ from .gum_budget import (
     budget,
     budget_result,
     budget_rows,
-    combined_of,
-    stated,
+    combined_uncertainties,
+    with_combined_uncertainty,
 )
-from .motion_band import NoiseBand, band_of, diagnosed_band, judged_band, noise_band, wander_of
-from .numbers import Group, Origin, ResultNumber, number_of, of_collision, of_series, read, shown_numbers, with_unit
+from .noise_band import NoiseBand, diagnosis_band, noise_band_of_motion, noise_band_of_shot, path_wander, verdict_band
+from .numbers import (
+    Group,
+    Origin,
+    ResultNumber,
+    collision_numbers,
+    number_with_key,
+    read_number,
+    series_numbers,
+    shown_numbers,
+    with_unit,
+)
 from .series_statistics import Series, Summary, Trend, series, series_result, series_rows
 
 __all__ = [
@@ -27,23 +37,23 @@ __all__ = [
     "Series",
     "Summary",
     "Trend",
-    "band_of",
     "budget",
     "budget_result",
     "budget_rows",
-    "combined_of",
-    "diagnosed_band",
-    "judged_band",
-    "noise_band",
-    "number_of",
-    "of_collision",
-    "of_series",
-    "read",
+    "collision_numbers",
+    "combined_uncertainties",
+    "diagnosis_band",
+    "noise_band_of_motion",
+    "noise_band_of_shot",
+    "number_with_key",
+    "path_wander",
+    "read_number",
     "series",
+    "series_numbers",
     "series_result",
     "series_rows",
     "shown_numbers",
-    "stated",
-    "wander_of",
+    "verdict_band",
+    "with_combined_uncertainty",
     "with_unit",
 ]

@@ -24,7 +24,7 @@ from analysis.shot import (
 )
 
 _DEFAULT_VACUUM_M = 632.991354e-9  # the HP 5518A's, for the sensitivity to air if no vacuum wavelength is stated
-_RECTANGLE = 1.0 / math.sqrt(3.0)  # standard uncertainty per limit of a rectangular distribution (GUM 4.3.7)
+_STD_OF_RECTANGLE = 1.0 / math.sqrt(3.0)  # standard uncertainty per limit of a rectangular distribution (GUM 4.3.7)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class InstrumentUncertainty:
     ``instant_limit_s``: shift of one instant of a bounce relative to another, caused by the band limit.
     """
 
-    mass_u_kg: float = 0.005e-3 * _RECTANGLE
+    mass_u_kg: float = 0.005e-3 * _STD_OF_RECTANGLE
     wavelength_vacuum_relative: float = 1e-7
     air_temperature_u_k: float = 0.2
     air_pressure_u_pa: float = 100.0
@@ -74,16 +74,16 @@ class InstrumentUncertainty:
         For a direction uniform in the cone, 1/cos a - 1 = a^2/2 is uniform from 0 to its limit.  The error is not
         corrected, so its mean counts as well (GUM F.2.4.5): the value is that distribution's root mean square.
         """
-        return 0.5 * self.alignment_limit_rad**2 * _RECTANGLE
+        return 0.5 * self.alignment_limit_rad**2 * _STD_OF_RECTANGLE
 
     @property
     def timebase_u(self) -> float:
-        return self.timebase_limit * _RECTANGLE
+        return self.timebase_limit * _STD_OF_RECTANGLE
 
     @property
     def instant_u_s(self) -> float:
         """Get the standard uncertainty in s of an interval due to the band limit."""
-        return self.instant_limit_s * _RECTANGLE
+        return self.instant_limit_s * _STD_OF_RECTANGLE
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ class ShotSources:
     def source(self, variable: Any) -> UncertaintySource:
         return self._sources[variable]
 
-    def noisy(
+    def with_type_a(
         self, reading: Reading | None, name: str, unit: str, *, without_mass: bool = False, per_time: int = 0
     ) -> Number | None:
         """Return a reading with its own type A uncertainty, or None if it was not read.

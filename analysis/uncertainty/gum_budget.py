@@ -11,12 +11,12 @@ from uncertainties.core import AffineScalarFunc
 from analysis.shot import Quantity, Reading, Shot
 from analysis.uncertainty.budget_sources import InstrumentUncertainty, ShotSources
 from analysis.uncertainty.measurement_equations import EquationInputs
-from analysis.uncertainty.numbers import ResultNumber, with_equation
-from analysis.uncertainty.series_statistics import ONE_SPEED, excess_spread, speed
+from analysis.uncertainty.numbers import ResultNumber, numbers_with_equation
+from analysis.uncertainty.series_statistics import MIN_SPEED_RANGE, excess_spread, speed
 
 COVERAGE_FACTOR = 2.0
-ALIKE = 0.1  # largest relative difference of impact speed of shots compared for repeatability
-ENOUGH_FOR_A_LINE = 4
+SIMILAR_SPEED = 0.1  # largest relative difference of impact speed of shots compared for repeatability
+MIN_SHOTS_FOR_LINE = 4
 COLUMNS = (
     "shot",
     "quantity",
@@ -102,11 +102,11 @@ def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: 
     """
     sources = ShotSources(shot, instrument or InstrumentUncertainty())
     inputs, tables = EquationInputs(shot, sources), []
-    for result, equation in with_equation():
+    for result, equation in numbers_with_equation():
         number = equation(inputs, result.find(shot), result.unit)
         if number is None:
             continue
-        inputs.made[result.key] = number
+        inputs.results[result.key] = number
         if not isinstance(number, AffineScalarFunc) or not math.isfinite(number.nominal_value):
             continue
         size = abs(number.nominal_value)
@@ -185,7 +185,7 @@ def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> Budg
             if (
                 isinstance(v, Quantity)
                 and isinstance(reading, Quantity)
-                and abs(v.value - own.value) <= ALIKE * own.value
+                and abs(v.value - own.value) <= SIMILAR_SPEED * own.value
                 and math.isfinite(reading.value)
                 and math.isfinite(reading.std)
             ):
@@ -194,19 +194,19 @@ def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> Budg
         return BudgetRow("repeatability", "A", None, unit, 1.0, "not measured: no other shot at similar speed")
     speeds, values, stds = (np.array(column) for column in zip(*readings, strict=True))
     # a trend with speed is not scatter: with enough shots a line is subtracted
-    sloped = len(readings) >= ENOUGH_FOR_A_LINE and np.ptp(speeds) > ONE_SPEED * speeds.mean()
+    sloped = len(readings) >= MIN_SHOTS_FOR_LINE and np.ptp(speeds) > MIN_SPEED_RANGE * speeds.mean()
     spread = excess_spread(values, stds, 1 if sloped else 0, speeds - speeds.mean())
     about = " about their line over speed" if sloped else ""
     how = f"scatter of {len(readings)} shots at similar speed{about}, beyond their own noise"
     return BudgetRow("repeatability", "A", spread, unit, 1.0, how)
 
 
-def combined_of(shot: Shot) -> dict[str, float]:
+def combined_uncertainties(shot: Shot) -> dict[str, float]:
     """Return the combined standard uncertainty of each number that has a budget, by key.  Cost: some ms."""
     return {q.key: q.std for q in budget(shot).quantities} if shot.impact is not None else {}
 
 
-def stated(reading: Reading, key: str, combined: Mapping[str, float]) -> Reading:
+def with_combined_uncertainty(reading: Reading, key: str, combined: Mapping[str, float]) -> Reading:
     """Return a reading with the combined uncertainty of its key, or unchanged if the key has none."""
     std = combined.get(key)
     return replace(reading, std=std) if isinstance(reading, Quantity) and std is not None else reading

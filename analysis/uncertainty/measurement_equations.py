@@ -16,11 +16,11 @@ Instants = tuple[float, ...]
 
 @dataclass(frozen=True, slots=True)
 class EquationInputs:
-    """A shot, its sources, and the numbers ``made`` so far by key; numbers derived from these stay correlated."""
+    """A shot, its sources, and the ``results`` computed so far by key; numbers derived from these stay correlated."""
 
     shot: Shot
     sources: ShotSources
-    made: dict[str, Number] = field(default_factory=dict)
+    results: dict[str, Number] = field(default_factory=dict)
 
 
 Equation = Callable[[EquationInputs, Reading, str], Number | None]  # (inputs, own reading, unit); None: not read
@@ -51,12 +51,12 @@ def scaled(
 ) -> Equation:
     """Return the equation of a reading times one scale.
 
-    ``per_time`` is passed to ``ShotSources.noisy``.  ``length_cancels`` lists the sources of length in the budget with
-    zero sensitivity.
+    ``per_time`` is passed to ``ShotSources.with_type_a``.  ``length_cancels`` lists the sources of length in the budget
+    with zero sensitivity.
     """
 
     def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-        seen = inputs.sources.noisy(reading, noise, unit, per_time=per_time)
+        seen = inputs.sources.with_type_a(reading, noise, unit, per_time=per_time)
         if seen is None or scale is None:
             return seen
         number, extent = seen * scale(inputs.sources), length(inputs.sources)
@@ -70,7 +70,7 @@ def velocity(noise: str) -> Equation:
 
     def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
         sources = inputs.sources
-        seen = sources.noisy(reading, noise, unit, per_time=1)
+        seen = sources.with_type_a(reading, noise, unit, per_time=1)
         return None if seen is None else (seen + sources.rest_velocity_m_per_s) * sources.velocity_scale
 
     return equation
@@ -79,7 +79,7 @@ def velocity(noise: str) -> Equation:
 def deflection(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return the distance from touch to turnaround; an error of the rest frequency adds a velocity for that time."""
     impact, sources = inputs.shot.impact, inputs.sources
-    seen = sources.noisy(reading, "beat noise, deflection", unit)
+    seen = sources.with_type_a(reading, "beat noise, deflection", unit)
     if seen is None or impact is None:
         return None
     touch, turn = impact.touch_time_s, impact.turnaround_time_s
@@ -90,14 +90,14 @@ def deflection(inputs: EquationInputs, reading: Reading, unit: str) -> Number | 
 def slope_of_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return the slope dF/dy, a stiffness; an error of the rest frequency shears the deflection of its line fit."""
     impact, sources = inputs.shot.impact, inputs.sources
-    seen = sources.noisy(reading, "beat noise, slope", unit, without_mass=True, per_time=2)
+    seen = sources.with_type_a(reading, "beat noise, slope", unit, without_mass=True, per_time=2)
     if seen is None or impact is None:
         return None
-    sheared = 1.0 + _shear(impact) * sources.rest_velocity_m_per_s
+    sheared = 1.0 + _slope_error_per_velocity(impact) * sources.rest_velocity_m_per_s
     return seen * sheared * stiffness(sources) * sources.length_scale / sources.length_scale
 
 
-def _shear(impact: Impact) -> float:
+def _slope_error_per_velocity(impact: Impact) -> float:
     """Return the relative increase of dF/dy, in s/m, per velocity error (m/s) that reduces the deflection over time.
 
     To first order it is (c t) / (c c) of a least-squares line over centred deflections c, here of half a sine.
@@ -113,14 +113,17 @@ def _shear(impact: Impact) -> float:
 
 def ratio_of_velocities(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return the quasi-static COR -v_out / v_in; common sources cancel."""
-    into, out = (inputs.made.get(f"velocity_{which}_m_per_s") for which in ("in", "out"))
+    into, out = (inputs.results.get(f"velocity_{which}_m_per_s") for which in ("in", "out"))
     return None if into is None or out is None else -out / into
 
 
 def ratio_of_impulses(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return the ratio of two impulses, each m_b times a difference of velocities; their scales cancel."""
     sources = inputs.sources
-    impulse, one = sources.noisy(reading, "beat noise, impulses", unit), sources.mass_scale * sources.velocity_scale
+    impulse, one = (
+        sources.with_type_a(reading, "beat noise, impulses", unit),
+        sources.mass_scale * sources.velocity_scale,
+    )
     return None if impulse is None else impulse * one / one
 
 
@@ -156,7 +159,7 @@ def ratio_of_times(instants: Callable[[Impact], tuple[Instants, Instants]]) -> E
 def peak_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return the peak force m_b a; the acceleration scales with length / time^2."""
     impact, sources = inputs.shot.impact, inputs.sources
-    peak = sources.noisy(reading, "beat noise, force", unit, without_mass=True, per_time=2)
+    peak = sources.with_type_a(reading, "beat noise, force", unit, without_mass=True, per_time=2)
     if peak is None or impact is None:
         return None
     scale = sources.mass_scale * sources.length_scale / sources.timebase**2
@@ -168,11 +171,11 @@ def stiffness_from_slope(inputs: EquationInputs, reading: Reading, unit: str) ->
 
     The fit's m_p* and k_N also scale with the block's mass, so their ratios to it are independent of the mass.
     """
-    slope, fit, sources = inputs.made.get("stiffness_slope_n_per_m"), inputs.shot.fit, inputs.sources
+    slope, fit, sources = inputs.results.get("stiffness_slope_n_per_m"), inputs.shot.fit, inputs.sources
     if slope is None or fit is None or not fit.converged:
         return None
-    plate = sources.noisy(fit.parameters.get("plate_mass_kg"), "m_p* of the fit", "kg")
-    contact = sources.noisy(fit.parameters.get("contact_stiffness_n_per_m"), "k_N of the fit", "N/m", per_time=2)
+    plate = sources.with_type_a(fit.parameters.get("plate_mass_kg"), "m_p* of the fit", "kg")
+    contact = sources.with_type_a(fit.parameters.get("contact_stiffness_n_per_m"), "k_N of the fit", "N/m", per_time=2)
     if plate is None or contact is None:
         return None
     return corrected_slope(slope, plate * sources.mass_scale, contact * stiffness(sources), sources.mass_kg)
@@ -180,7 +183,7 @@ def stiffness_from_slope(inputs: EquationInputs, reading: Reading, unit: str) ->
 
 def youngs_modulus(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return Young's modulus of a plate with stated geometry, from the fitted k_p."""
-    fitted, setup = inputs.made.get("plate_stiffness_n_per_m"), inputs.shot.setup
+    fitted, setup = inputs.results.get("plate_stiffness_n_per_m"), inputs.shot.setup
     if fitted is None or setup is None or setup.plate is None:
         return None
     return fitted * compliance_of(inputs.sources.plate(setup.plate))

@@ -9,8 +9,8 @@ from dataclasses import KW_ONLY, dataclass
 from enum import Enum
 from operator import attrgetter
 
-from analysis.fitted import awaits_fit
-from analysis.shot import NotSeen, Quantity, Reading, Shot, shown_in
+from analysis.fitted import fit_pending
+from analysis.shot import NotSeen, Quantity, Reading, Shot, display_unit
 from analysis.uncertainty import measurement_equations as by
 from analysis.uncertainty.measurement_equations import Equation
 
@@ -68,12 +68,12 @@ class ResultNumber:
     @property
     def scale(self) -> float:
         """Get the factor from the SI unit to the unit shown."""
-        return shown_in(self.unit)[0]
+        return display_unit(self.unit)[0]
 
     @property
     def shown_unit(self) -> str:
         """Get the unit shown, "" for a ratio."""
-        return shown_in(self.unit)[1]
+        return display_unit(self.unit)[1]
 
     @property
     def title(self) -> str:
@@ -96,7 +96,7 @@ def _of_impact(shot: Shot, key: str) -> Reading:
 
 def _of_fit(shot: Shot, key: str) -> Reading:
     if shot.fit is None:
-        return NotSeen("the fit is still to come" if awaits_fit(shot) else "no fit")
+        return NotSeen("the fit is still to come" if fit_pending(shot) else "no fit")
     if not shot.fit.converged:
         return NotSeen("the fit did not converge, so its numbers are guesses")
     return shot.fit.parameters.get(key, NotSeen(f"not in the model {shot.fit.model}"))
@@ -227,25 +227,25 @@ def with_unit(words: str, unit: str) -> str:
     return f"{words} ({unit})" if unit else words
 
 
-def of_collision(*origins: Origin) -> list[ResultNumber]:
+def collision_numbers(*origins: Origin) -> list[ResultNumber]:
     """Return the numbers of a collision that have these origins, in the order of the result file."""
     return [number for number in NUMBERS if number.origin in origins and number.group is not Group.DRIVE]
 
 
-def with_equation() -> list[tuple[ResultNumber, Equation]]:
+def numbers_with_equation() -> list[tuple[ResultNumber, Equation]]:
     """Return the numbers with an uncertainty budget, each with its measurement equation."""
     return [(number, number.equation) for number in NUMBERS if number.equation is not None]
 
 
-def of_series() -> list[ResultNumber]:
-    return [number for number in of_collision(Origin.READ, Origin.FITTED) if number.in_series]
+def series_numbers() -> list[ResultNumber]:
+    return [number for number in collision_numbers(Origin.READ, Origin.FITTED) if number.in_series]
 
 
 def shown_numbers(group: Group) -> list[ResultNumber]:
     return [number for number in NUMBERS if number.group is group and number.origin is not Origin.DERIVED]
 
 
-def number_of(key: str) -> ResultNumber:
+def number_with_key(key: str) -> ResultNumber:
     """Return the number with this key; raises KeyError for an unknown key."""
     for number in NUMBERS:
         if number.key == key:
@@ -253,6 +253,6 @@ def number_of(key: str) -> ResultNumber:
     raise KeyError(key)
 
 
-def read(shot: Shot, key: str) -> Reading:
+def read_number(shot: Shot, key: str) -> Reading:
     """Return a shot's number by key, in SI units with the uncertainty from noise; KeyError for an unknown key."""
-    return number_of(key).find(shot)
+    return number_with_key(key).find(shot)

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from analysis.shot import Floats, NotSeen, Quantity, Reading, Shot, to_json
-from analysis.uncertainty.numbers import ResultNumber, of_series
+from analysis.uncertainty.numbers import ResultNumber, series_numbers
 
-ONE_SPEED = 0.02  # least range of speeds, relative to their mean, that can show a trend
+MIN_SPEED_RANGE = 0.02  # least range of speeds, relative to their mean, that can show a trend
 COLUMNS = (
     "quantity",
     "unit",
@@ -88,7 +88,7 @@ def speed(shot: Shot) -> Reading:
 
 def series(shots: Sequence[Shot]) -> Series:
     """Return the statistics over the shots that have an impact speed, in order of speed."""
-    numbers = of_series()
+    numbers = series_numbers()
     seen = [(shot, v) for shot in shots if isinstance(v := speed(shot), Quantity)]
     seen.sort(key=lambda pair: pair[1].value)
     readings = tuple({number.key: number.find(shot) for number in numbers} for shot, _ in seen)
@@ -193,7 +193,7 @@ def _mean(values: Floats, stds: Floats, spread: float) -> Reading:
 
 
 def _trend(at: Floats, values: Floats, stds: Floats) -> Trend | NotSeen:
-    if values.size < 2 or np.ptp(at) < ONE_SPEED * at.mean():
+    if values.size < 2 or np.ptp(at) < MIN_SPEED_RANGE * at.mean():
         return NotSeen("one shot" if values.size < 2 else "all shots at one speed")
     mean = float(at.mean())
     spread = excess_spread(values, stds, 1, at - mean)  # NaN with two shots: the line goes through both

@@ -15,10 +15,10 @@ from analysis.diagnosis import (
     drift,
     prediction_words,
 )
-from analysis.fitted import fit_again, read_together
+from analysis.fitted import fit_shot, read_together
 from analysis.planning import Reach, plan_next, plan_precision, refit_diagnosed, shots_in_words
 from analysis.report import result
-from analysis.shot import AnalysisError, AnalysisSettings, Shot, why_not_together
+from analysis.shot import AnalysisError, AnalysisSettings, Shot, why_no_joint_fit
 from app.command_line.options import known_model
 from app.command_line.outputs import (
     Outputs,
@@ -92,7 +92,7 @@ def replay(
         shots.append(shot)
     diagnosis, failed = _diagnosis(shots, laws, settings.diagnosis_seconds) if request.diagnosis else (None, False)
     if diagnosis is not None and is_drive(diagnosis.fit_after.model):  # a drive's shots are refitted individually
-        shots = [fit_again(shot, diagnosis.fit_after.effects) for shot in shots]
+        shots = [fit_shot(shot, diagnosis.fit_after.effects) for shot in shots]
     elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
         shots = read_together(shots, diagnosis.fit_after)
     prediction = _prediction(shots, known) if request.test_model and known is not None else None
@@ -115,7 +115,7 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) ->
     shots = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if not shots:
         return None, False
-    if why := why_not_together(shots):
+    if why := why_no_joint_fit(shots):
         say(f"no joint diagnosis: {why}")
         return None, False
     accepted = shots[0].settings.effects

@@ -23,7 +23,7 @@ def main() -> int:
 def headless_shot() -> int:
     """Simulate one shot at the usual site and print its readings, then its fit."""
     from analysis.pipeline import fitted, read
-    from analysis.uncertainty import combined_of
+    from analysis.uncertainty import combined_uncertainties
     from app.command_line.doctor import progress_lines
     from app.command_line.outputs import say_problem
     from app.report import fit_lines, summary
@@ -42,7 +42,7 @@ def headless_shot() -> int:
         ready[Stage.FIT].wait()
         read_flags, shot = shot.flags, fitted(shot)
     if shot.fit is not None and shot.fit.converged:
-        print("\n".join(fit_lines(shot.fit, combined_of(shot))))
+        print("\n".join(fit_lines(shot.fit, combined_uncertainties(shot))))
     for flag in by_severity(flag for flag in shot.flags if flag not in read_flags):
         print(f"  {flag}: {flag_words(flag)}")
     say_problem(shot)

@@ -14,8 +14,8 @@ from analysis.diagnosis import (
     prediction_words,
     remark_on,
 )
-from analysis.shot import Quantity, Shot, plates_words, weights_words, words_and_unit
-from analysis.uncertainty import diagnosed_band
+from analysis.shot import Quantity, Shot, describe_plates, describe_weights, split_unit
+from analysis.uncertainty import diagnosis_band
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
@@ -36,7 +36,7 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     """Return the section on a diagnosis of ``shots``; ``next_shots`` is the plan of the next shots in words."""
     motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
     count = len(motions)
-    rig = "; ".join(filter(None, (weights_words([m.moving_mass_kg for m in motions]), plates_words(motions))))
+    rig = "; ".join(filter(None, (describe_weights([m.moving_mass_kg for m in motions]), describe_plates(motions))))
     said = in_words(diagnosis)
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict].full}."), class_="verdict"),
@@ -140,7 +140,7 @@ def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
             lines.append(Line(at, 1e9 * part.residual_m, kind))
         bands: tuple[Band, ...] = ()
         if shot is not None and shot.motion is not None:
-            noise_m, _ = diagnosed_band(diagnosis, shot)
+            noise_m, _ = diagnosis_band(diagnosis, shot)
             bands = (Band(lines[1].x, 2e9 * noise_m),)
         label = f"{one_line(name, 18)} (nm)"
         plots.append(Plot("time from first touch (ms)", label, tuple(lines), bands, zero_line=True))
@@ -159,7 +159,7 @@ def _candidates(diagnosis: Diagnosis) -> Markup:
 def _parameters(parameters: Mapping[str, Quantity]) -> str:
     parts = []
     for name, value in parameters.items():
-        words, unit = words_and_unit(name)
+        words, unit = split_unit(name)
         parts.append(f"{words} {value} {unit}".rstrip())
     return ", ".join(parts)
 

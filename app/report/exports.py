@@ -13,20 +13,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from analysis.diagnosis import Diagnosis, Errors, LearnedLaw, prediction_words
-from analysis.fitted import shaking_of
-from analysis.shot import Floats, Motion, Quantity, Reading, Shot, program_version, words_and_unit
+from analysis.fitted import vibration_of
+from analysis.shot import Floats, Motion, Quantity, Reading, Shot, program_version, split_unit
 from analysis.uncertainty import COLUMNS as BUDGET_COLUMNS
 from analysis.uncertainty import (
     Origin,
     ResultNumber,
     budget,
     budget_rows,
-    combined_of,
-    noise_band,
-    of_collision,
+    collision_numbers,
+    combined_uncertainties,
+    noise_band_of_motion,
+    path_wander,
     series,
     series_rows,
-    wander_of,
 )
 from app.words import cell
 from instrument.files import RecordingError, write_atomic, write_text_atomic
@@ -61,7 +61,9 @@ def columns_of(number: ResultNumber) -> list[str]:
 
 def shot_numbers() -> list[ResultNumber]:
     """Return the numbers in the order of ``shots.csv``: read ones, read ones with a dotted key, fitted ones."""
-    return sorted(of_collision(Origin.READ, Origin.FITTED), key=lambda n: (n.origin is Origin.FITTED, "." in n.key))
+    return sorted(
+        collision_numbers(Origin.READ, Origin.FITTED), key=lambda n: (n.origin is Origin.FITTED, "." in n.key)
+    )
 
 
 def shot_columns() -> list[str]:
@@ -124,10 +126,10 @@ def _stds(shot: Shot, motion: Motion) -> dict[str, Floats]:
 
     The motion's own columns treat a wandering path as a random walk: six times too large for the force at VC-D.
     """
-    shaking = shaking_of(shot)
-    if shaking is None:
+    vibration = vibration_of(shot)
+    if vibration is None:
         return {}
-    band = noise_band(motion, shaking, wander=wander_of(shot))
+    band = noise_band_of_motion(motion, vibration, wander=path_wander(shot))
     stds = (band.displacement_m, band.velocity_m_per_s, band.force_n / motion.moving_mass_kg, band.force_n)
     seen = motion.valid
     return {
@@ -169,7 +171,7 @@ def shot_row(shot: Shot, motion_file: str) -> list[str]:
     status = "failed" if shot.problem else "ok"
     row = [shot.name, shot.path or "", shot.started_at or "", status, shot.problem or "", " ".join(shot.flags)]
     row += [shot.note, motion_file, shot.fit.model if shot.fit else ""]
-    combined = combined_of(shot)
+    combined = combined_uncertainties(shot)
     for number in shot_numbers():
         row += _cells(number.find(shot), combined.get(number.key))
     fit = shot.fit if shot.fit is not None and shot.fit.converged else None
@@ -262,7 +264,7 @@ def _bytes(shot: Shot, others: Sequence[Shot], path: Path) -> memoryview:
         group = file.create_group("motion")
         for name, values in motion_columns(shot).items():
             item = group.create_dataset(name, data=values, compression="gzip", compression_opts=4, shuffle=True)
-            item.attrs["unit"] = words_and_unit(name)[1]
+            item.attrs["unit"] = split_unit(name)[1]
         group.create_dataset("valid", data=shot.motion.valid.astype(np.uint8), compression="gzip", shuffle=True)
         group.attrs["sample_rate_hz"] = shot.motion.sample_rate_hz
         group.attrs["bandwidth_hz"] = shot.motion.bandwidth_hz

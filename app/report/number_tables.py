@@ -6,17 +6,17 @@ from collections.abc import Collection, Mapping, Sequence
 from analysis.collision import Effect
 from analysis.fitted import ReadingsModel, readings_model
 from analysis.paper import PaperRow, Status
-from analysis.shot import Disturbance, Fit, NotSeen, Quantity, Reading, Shot, shown_in, words_and_unit
+from analysis.shot import Disturbance, Fit, NotSeen, Quantity, Reading, Shot, display_unit, split_unit
 from analysis.uncertainty import (
     COVERAGE_FACTOR,
     Budget,
     BudgetRow,
     Origin,
     QuantityBudget,
-    combined_of,
-    number_of,
-    of_collision,
-    stated,
+    collision_numbers,
+    combined_uncertainties,
+    number_with_key,
+    with_combined_uncertainty,
     with_unit,
 )
 from app.words import Markup, by_severity, flag_words, joined, or_dash, table, tag
@@ -27,7 +27,7 @@ SMALL = 0.02  # contributions below this fraction of the combined uncertainty sh
 def numbers(shot: Shot, of: Budget | None) -> Markup:
     """Return the table of the numbers read from the motion, with the reason for each number that was not seen."""
     rows = []
-    for number in of_collision(Origin.READ, Origin.DERIVED):
+    for number in collision_numbers(Origin.READ, Origin.DERIVED):
         entry, reading = of.of(number.key) if of is not None else None, number.find(shot)
         if entry is not None or number.origin is Origin.READ:
             rows.append([with_unit(number.words, number.shown_unit), *_cells(reading, entry, number.unit)])
@@ -39,7 +39,7 @@ def model_of_readings(model: ReadingsModel | None) -> Markup:
     """Return a sentence on which readings were taken from which fitted model."""
     if model is None:
         return tag("p", "All are read from the motion alone.")
-    readings = ", ".join(number_of(key).words for key in model.readings)
+    readings = ", ".join(number_with_key(key).words for key in model.readings)
     effects = f" with {', '.join(effect.words for effect in model.effects)}" if model.effects else ""
     return tag("p", f"From the fitted model {model.base}{effects}: {readings}. All others are from the motion alone.")
 
@@ -57,7 +57,7 @@ def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = 
     short = fit.short_names
     rows = []
     for index, (name, value) in enumerate(fit.parameters.items()):
-        words, unit = words_and_unit(short[name])
+        words, unit = split_unit(short[name])
         correlations = (or_dash(r, ".2f") for r in fit.correlations[index])
         entry = of.of(name) if of is not None else None
         noise = f"{value.std:.2g}" if entry is not None else "all"
@@ -67,7 +67,7 @@ def fitted(fit: Fit | None, tried: Collection[Effect] = (), of: Budget | None = 
         "",
         "value ± standard uncertainty",
         "type A part",
-        *(words_and_unit(name)[0] for name in short.values()),
+        *(split_unit(name)[0] for name in short.values()),
     ]
     effects = f" with {', '.join(effect.words for effect in fit.effects)}" if fit.effects else ""
     said = (
@@ -94,7 +94,7 @@ def scaled(reading: Reading, unit: str) -> str:
     """Return a reading as text in the unit in which it is shown; a dash if it was not seen."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
         return "\u2013"
-    return str(reading.scaled(shown_in(unit)[0]))
+    return str(reading.scaled(display_unit(unit)[0]))
 
 
 def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[str]:
@@ -102,14 +102,14 @@ def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[st
         return ["\u2013", "", "", "", f"not measured: {reading.reason}"]
     if entry is None:
         return [scaled(reading, unit), "", "", "", reading.how]
-    factor, _ = shown_in(unit)
+    factor, _ = display_unit(unit)
     parts = [f"{factor * part:.2g}" for part in (entry.std_a, entry.std_b, entry.expanded)]
     return [scaled(entry.quantity, unit), *parts, reading.how]
 
 
 def _budget(entry: QuantityBudget) -> Markup:
     """Return the budget of one number; negligible sources share the last row."""
-    factor, unit = shown_in(entry.unit)
+    factor, unit = display_unit(entry.unit)
     counts = [row for row in entry.rows if row.std is None or row.contribution > SMALL * entry.std]
     small = [row for row in entry.rows if row not in counts]
     rows = [_source(row, factor) for row in counts]
@@ -152,7 +152,7 @@ def disturbance_section(disturbance: Disturbance) -> Markup:
     knocks = ", ".join(f"{1e3 * begin:.1f} to {1e3 * end:.1f} ms" for begin, end in disturbance.knocks_s)
     if knocks:
         parts.append(tag("p", f"Excluded because the table was struck: {knocks} of the record."))
-    shares = [f"{100 * share:.0f} % for {number_of(name).words}" for name, share in disturbance.shares.items()]
+    shares = [f"{100 * share:.0f} % for {number_with_key(name).words}" for name, share in disturbance.shares.items()]
     if shares:
         parts.append(tag("p", f"Share of the variance due to table vibration: {', '.join(shares)}."))
     return joined(*parts)
@@ -205,12 +205,12 @@ def readable_unit(row: PaperRow) -> tuple[float, str]:
 
 def summary(shot: Shot) -> str:
     """Return one shot's numbers for a terminal, with combined uncertainties for numbers that have a budget."""
-    lines, combined = [f"{shot.path or shot.name}"], combined_of(shot)
+    lines, combined = [f"{shot.path or shot.name}"], combined_uncertainties(shot)
     if shot.problem:
         lines.append(f"  not analysed: {shot.problem}")
     if shot.impact is not None:
-        for number in of_collision(Origin.READ):
-            reading = stated(number.find(shot), number.key, combined)
+        for number in collision_numbers(Origin.READ):
+            reading = with_combined_uncertainty(number.find(shot), number.key, combined)
             shown = reading.scaled(number.scale) if isinstance(reading, Quantity) else f"– ({reading.reason})"
             lines.append(f"  {number.title:<27}{shown} {number.shown_unit}".rstrip())
         model = readings_model(shot)
@@ -230,7 +230,7 @@ def fit_lines(fit: Fit, combined: Mapping[str, float]) -> list[str]:
     short = fit.short_names
     for name, quantity in fit.parameters.items():
         alone = "" if name in combined else "  (± from noise alone)"
-        lines.append(f"    {short[name]:<32} {stated(quantity, name, combined)}{alone}")
+        lines.append(f"    {short[name]:<32} {with_combined_uncertainty(quantity, name, combined)}{alone}")
     return lines
 
 

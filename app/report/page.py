@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, PredictionTest
 from analysis.fitted import readings_model
-from analysis.shot import UNITS, Shot
+from analysis.shot import PLOT_UNITS, Shot
 from analysis.uncertainty import budget
 from app.report import provenance
 from app.report.diagnosis_section import diagnosis_section, prediction_section
@@ -106,7 +106,7 @@ def _remarks(shot: Shot) -> Markup:
     if shot.plot_notes:
         rows = []
         for note in shot.plot_notes:
-            x_unit, y_unit = UNITS[note.plot]  # a time is from the recording's first sample
+            x_unit, y_unit = PLOT_UNITS[note.plot]  # a time is from the recording's first sample
             rows.append([note.plot, f"{note.x:.6g} {x_unit}", f"{note.y:.4g} {y_unit}", note.text])
         parts.append(table(["note on the plot", "at", "value", "text"], rows, "overview"))
     return joined(*parts)

@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from analysis.shot import Quantity, Shot, shown_in
+from analysis.shot import Quantity, Shot, display_unit
 from analysis.uncertainty import (
     Origin,
     Series,
     Summary,
     Trend,
     budget,
-    combined_of,
-    of_collision,
+    collision_numbers,
+    combined_uncertainties,
     series,
-    stated,
+    with_combined_uncertainty,
     with_unit,
 )
 from app.report.number_tables import scaled
@@ -49,11 +49,11 @@ def session_section(shots: Sequence[Shot]) -> Markup:
 
 
 def _overview(shots: Sequence[Shot]) -> Markup:
-    listed = [number for number in of_collision(Origin.READ) if number.listed]
+    listed = [number for number in collision_numbers(Origin.READ) if number.listed]
     rows = []
     for place, shot in enumerate(shots, 1):
-        combined = combined_of(shot)
-        readings = [stated(number.find(shot), number.key, combined) for number in listed]
+        combined = combined_uncertainties(shot)
+        readings = [with_combined_uncertainty(number.find(shot), number.key, combined) for number in listed]
         cells = [scaled(reading, number.unit) for reading, number in zip(readings, listed, strict=True)]
         failed = f"failed: {shot.problem}" if shot.problem else ""
         said = "; ".join(
@@ -92,7 +92,7 @@ def _summaries(found: Series, shots: Sequence[Shot]) -> Markup:
     shared = shared_stds(shots)
     rows = []
     for s in found.summaries:
-        factor, unit = shown_in(s.unit)
+        factor, unit = display_unit(s.unit)
         name = with_unit(s.words, unit)
         if isinstance(s.trend, Trend):
             slope = f"{s.trend.slope.scaled(factor)}"
@@ -125,7 +125,7 @@ def shared_stds(shots: Sequence[Shot]) -> dict[str, float]:
 
 
 def _trend(summary: Summary) -> Markup:
-    factor, unit = shown_in(summary.unit)
+    factor, unit = display_unit(summary.unit)
     dots = []
     columns = (summary.shots, summary.speeds_m_per_s, summary.values, summary.stds)
     for name, at, value, std in zip(*columns, strict=True):

@@ -8,7 +8,7 @@ from operator import attrgetter
 import numpy as np
 
 from analysis.shot import Floats, Motion, Overlay, Quantity, Shot
-from analysis.uncertainty import band_of
+from analysis.uncertainty import noise_band_of_shot
 from app.report.svg_plot import WIDTH, Band, Line, NoteMark, Plot, draw
 from app.words import Markup, tag
 
@@ -91,7 +91,7 @@ def _residuals(course: _ShotTimeAxes) -> Markup | None:
     shot, over, motion = course.shot, course.overlay, course.motion
     if over is None or shot.fit is None:
         return None
-    noise = band_of(shot)
+    noise = noise_band_of_shot(shot)
     rows = (
         ("displacement", "nm", 1e9, shot.fit.shots[0].residual_m, noise.displacement_m),
         ("velocity", "µm/s", 1e6, motion.velocity_m_per_s - over.velocity_m_per_s, noise.velocity_m_per_s),

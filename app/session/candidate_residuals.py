@@ -13,8 +13,8 @@ import numpy as np
 
 from analysis.collision import Effect
 from analysis.diagnosis import Candidate, Diagnosis
-from analysis.fitted import fit_jointly, shaking_of
-from analysis.shot import AnalysisError, Floats, Motion, Progress, Shaking, Shot, Stop
+from analysis.fitted import fit_jointly, vibration_of
+from analysis.shot import AnalysisError, Floats, Motion, Progress, Shot, Stop, VibrationSpectrum
 from app.session.jobs import Job, JobQueues
 from levimass import is_drive
 
@@ -40,14 +40,14 @@ def candidate_residual(
     motions: Sequence[Motion],
     base: str,
     effects: tuple[Effect, ...],
-    shakings: Sequence[Shaking | None],
+    vibrations: Sequence[VibrationSpectrum | None],
     *,
     progress: Progress,
     cancelled: Stop,
 ) -> CandidateResidual:
     """Return the residual of a joint fit with these effects; the last of them is the candidate."""
     try:
-        fit = fit_jointly(motions, base, effects, cancelled, shakings)
+        fit = fit_jointly(motions, base, effects, cancelled, vibrations)
     except AnalysisError:
         return CandidateResidual(effects[-1], None, float("nan"))
     left = tuple(np.asarray(part.residual_m) for part in fit.shots) if fit.converged else None
@@ -61,7 +61,7 @@ class CandidateResiduals:
         self._work = work
         self._of: Diagnosis | None = None
         self._motions: list[Motion] = []
-        self._shakings: list[Shaking | None] = []
+        self._vibrations: list[VibrationSpectrum | None] = []
         self._wanted: list[Effect] = []
         self._job: Job | None = None
         self._fitting: Effect | None = None  # candidate of the current job
@@ -80,7 +80,7 @@ class CandidateResiduals:
             self._job.cancel()
         self._of, self.found, self._job = diagnosis, {}, None
         self._motions = [shot.motion for shot in shots if shot.motion is not None]
-        self._shakings = [shaking_of(shot) for shot in shots if shot.motion is not None]
+        self._vibrations = [vibration_of(shot) for shot in shots if shot.motion is not None]
         self._wanted = []
         if diagnosis is None or is_drive(diagnosis.fit_before.model) or not self._motions:
             return
@@ -115,7 +115,7 @@ class CandidateResiduals:
 
     def _ask(self, diagnosis: Diagnosis, effect: Effect) -> None:
         effects = (*diagnosis.fit_before.effects, effect)
-        fitting = partial(candidate_residual, self._motions, diagnosis.fit_before.model, effects, self._shakings)
+        fitting = partial(candidate_residual, self._motions, diagnosis.fit_before.model, effects, self._vibrations)
 
         def work(report: Progress, cancelled: Stop) -> CandidateResidual:
             report("fit with this candidate", 0.0)

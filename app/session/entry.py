@@ -4,8 +4,8 @@ from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from analysis.collision import Effect, findings
-from analysis.shot import LONGEST, NAMES, UNITS, AnalysisSettings, PlotNote, Shot
+from analysis.collision import Effect, without_nuisances
+from analysis.shot import MAX_NOTE_LENGTH, PLOT_UNITS, SETUP_KEYS, AnalysisSettings, PlotNote, Shot
 from app.session.verdict_basis import ModelEffects, VerdictBasis, known_effects
 from instrument.files import CheckedTable, shown
 from levimass import DRIVE
@@ -57,9 +57,9 @@ def entry_from_json(item: CheckedTable, unknown: set[str]) -> Entry:
     def plot_notes(item: CheckedTable) -> tuple[PlotNote, ...]:
         notes = []
         for listed in item.objects("plot_notes") or ():
-            note = listed.read_dataclass(PlotNote, {"text": lambda note: note.text("text", LONGEST) or ""})
+            note = listed.read_dataclass(PlotNote, {"text": lambda note: note.text("text", MAX_NOTE_LENGTH) or ""})
             unknown.update(listed.unread())
-            if note.plot in UNITS:
+            if note.plot in PLOT_UNITS:
                 notes.append(note)
             else:
                 unknown.add(f"a note on the plot {shown(note.plot)}")
@@ -100,7 +100,7 @@ def _basis_to_json(basis: VerdictBasis) -> dict[str, Any]:
 
 def model_effects(document: CheckedTable) -> ModelEffects:
     """Return the effects in the model; a "tried" mark applies to collision and drive effects with the same key."""
-    collision = findings(known_effects(document.names("effects"), ""))
+    collision = without_nuisances(known_effects(document.names("effects"), ""))
     drive = known_effects(document.names("drive_effects"), DRIVE)
     tried = document.names("tried")
     both = (*collision, *drive)
@@ -119,7 +119,7 @@ def _corrections(chosen: CheckedTable) -> tuple[tuple[str, float | None], ...]:
     given = chosen.object("corrections")
     if given is None:
         return ()
-    found = tuple((name, given.number(name, -1e3, 1e12)) for name in NAMES if name in given.values)
+    found = tuple((name, given.number(name, -1e3, 1e12)) for name in SETUP_KEYS if name in given.values)
     if unknown := given.unread():
         raise given.error_for(next(iter(unknown)), "nothing of the rig is called so")
     return found

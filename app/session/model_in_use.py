@@ -5,10 +5,10 @@ from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.collision import Effect, LawError, OwnLaw, findings, from_mapping
+from analysis.collision import Effect, LawError, UserLaw, law_from_table, without_nuisances
 from analysis.diagnosis import Diagnosis, ModelFileError, SavedModel, drift, from_text, saved, to_text
-from analysis.fitted import SECONDS, fit_jointly, run_in_time, shaking_of
-from analysis.shot import AnalysisError, Fit, Progress, Shot, Stop, why_not_together, words_and_unit
+from analysis.fitted import FIT_SECONDS, fit_jointly, run_with_time_limit, vibration_of
+from analysis.shot import AnalysisError, Fit, Progress, Shot, Stop, split_unit, why_no_joint_fit
 from app.report import shared_stds
 from app.session.verdict_basis import ModelEffects
 from app.words import counted, model_in_words
@@ -40,16 +40,16 @@ def save_model(
     fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
     if not fitted:
         raise AnalysisError("no shot is fitted, so there is no model to save")
-    if why := why_not_together(fitted):
+    if why := why_no_joint_fit(fitted):
         raise AnalysisError(why)
     base = fitted[0].settings.model
     effects = accepted.of(base)
-    if diagnosis is not None and set(findings(diagnosis.fit_after.effects)) == set(findings(effects)):
+    if diagnosis is not None and set(without_nuisances(diagnosis.fit_after.effects)) == set(without_nuisances(effects)):
         fit = diagnosis.fit_after
     else:
         diagnosis = None
         motions = [shot.motion for shot in fitted if shot.motion is not None]
-        fit = fit_jointly(motions, base, effects, cancelled, [shaking_of(shot) for shot in fitted])
+        fit = fit_jointly(motions, base, effects, cancelled, [vibration_of(shot) for shot in fitted])
     if not fit.converged:
         raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
     named = {finding.effect for finding in diagnosis.findings} if diagnosis is not None else set()
@@ -118,8 +118,8 @@ def predicted(shots: Sequence[Shot], model: SavedModel, cancelled: Stop | None =
 
     seen = [(shot.motion, shot.path or shot.name) for shot in shots if shot.motion is not None]
     motions, names = [motion for motion, _ in seen], [name for _, name in seen]
-    seconds = SECONDS * (1 + len(seen))
-    return run_in_time(lambda: evaluate_predictions(motions, names, model, cancelled), seconds, cancelled)
+    seconds = FIT_SECONDS * (1 + len(seen))
+    return run_with_time_limit(lambda: evaluate_predictions(motions, names, model, cancelled), seconds, cancelled)
 
 
 def drift_words(known: SavedModel, fit: Fit) -> str:
@@ -133,7 +133,7 @@ def drift_words(known: SavedModel, fit: Fit) -> str:
 
 def _named(name: str, effects: Iterable[Effect]) -> str:
     key, dot, parameter = name.rpartition(".")
-    words = words_and_unit(parameter)[0]
+    words = split_unit(parameter)[0]
     of = next((effect.words for effect in effects if effect.key == key), key)
     return f"{of}: {words}" if dot else words
 
@@ -144,14 +144,14 @@ class OwnLaws:
     def __init__(self, folder: Path | None) -> None:
         self.folder = folder  # None: no laws can be read or saved
 
-    def read(self) -> tuple[tuple[OwnLaw, ...], tuple[str, ...]]:
+    def read(self) -> tuple[tuple[UserLaw, ...], tuple[str, ...]]:
         """Return the laws, and one line for each file that is not a valid law."""
         laws, problems = read_laws(self.folder) if self.folder is not None else ([], [])
         return tuple(laws), tuple(problems)
 
-    def keep(self, table: dict[str, Any]) -> OwnLaw:
+    def keep(self, table: dict[str, Any]) -> UserLaw:
         """Save the law described by a table.  Raises RecordingError or LawError, one line each."""
-        law = from_mapping(table)
+        law = law_from_table(table)
         if self.folder is None:
             raise LawError("there is no folder for laws here")
         write_law(law, self.folder)

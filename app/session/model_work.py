@@ -11,7 +11,7 @@ from pathlib import Path
 
 from analysis.collision import Effect
 from analysis.diagnosis import SavedModel
-from analysis.fitted import awaits_fit, can_be_fitted, fit_again
+from analysis.fitted import can_be_fitted, fit_pending, fit_shot
 from analysis.shot import Progress, Shot, Stop
 from app.session.entry import Entry
 from app.session.jobs import EventKind, Job, JobQueues, Notify
@@ -85,7 +85,7 @@ class ModelWork:
 
         Entries in ``also`` are fitted too if they still await their first fit, which may have been stopped.
         """
-        awaiting = {entry.number for entry in also if entry.shot is not None and awaits_fit(entry.shot)}
+        awaiting = {entry.number for entry in also if entry.shot is not None and fit_pending(entry.shot)}
         shots = {entry.number: entry.shot for entry in self._session.entries if entry.shot is not None}
         for number, wanted in list(self._pending.items()):
             shot = shots.get(number)
@@ -132,7 +132,7 @@ class ModelWork:
 
 def refit_shot(shot: Shot, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop) -> Shot:
     """Return the shot refitted with these effects."""
-    return fit_again(shot, effects, cancelled)
+    return fit_shot(shot, effects, cancelled)
 
 
 def _same_motion(shot: Shot, of: Shot) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from analysis.fitted import awaits_fit
+from analysis.fitted import fit_pending
 from analysis.planning import (
     MOST_SHOTS,
     NextShot,
@@ -97,7 +97,7 @@ class NextShots:
     def arrived(self, entry: Entry) -> None:
         """Once the planned shot is fitted, add it to its set and diagnose the set again."""
         under = self._under
-        if under is None or under.arrived or (entry.shot is not None and awaits_fit(entry.shot)):
+        if under is None or under.arrived or (entry.shot is not None and fit_pending(entry.shot)):
             return
         self._rig.open(under.source)
         if entry.shot is None or entry.shot.motion is None or entry.shot.fit is None:

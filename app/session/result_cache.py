@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from analysis.diagnosis import Diagnosis
-from analysis.shot import AnalysisSettings, Progress, Shot, Stop, program, program_version
+from analysis.shot import AnalysisSettings, Progress, Shot, Stop, program_version, version_and_digest
 from app.session.jobs import Jobs
 from app.session.result_archive import NotStorable, head_of, packed, unpacked
 from app.session.verdict_basis import Diagnosed
@@ -110,7 +110,9 @@ class ResultCache:
 
     def _write(self, name: str, head: Mapping[str, object], value: object) -> None:
         try:
-            whole = packed({"schema": SCHEMA, "version": program_version(), "program": program(), **head}, value)
+            whole = packed(
+                {"schema": SCHEMA, "version": program_version(), "program": version_and_digest(), **head}, value
+            )
             if len(whole) > MOST_A_FILE:
                 return
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -132,7 +134,7 @@ class ResultCache:
 
 def _own(head: Mapping[str, object]) -> bool:
     """Return whether a program with the same source code wrote the file; the version alone does not ensure this."""
-    return head.get("schema") == SCHEMA and head.get("program") == program()
+    return head.get("schema") == SCHEMA and head.get("program") == version_and_digest()
 
 
 def _short(text: str) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
-from analysis.fitted import awaits_fit
+from analysis.fitted import fit_pending
 from analysis.pipeline import read
 from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Recording, Shot
 from app.session.jobs import pop_all
@@ -237,7 +237,7 @@ class Rig:
         new = []
         for finished in snapshot.finished:
             key, shot = (self._serial, finished.index), finished.shot
-            awaits = shot is not None and awaits_fit(shot)
+            awaits = shot is not None and fit_pending(shot)
             known = self._taken.get(key)
             if (known is None or (known and not awaits)) and (shot is not None or finished.problem is not None):
                 self._taken[key] = awaits

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.fitted import awaits_fit
+from analysis.fitted import fit_pending
 from analysis.shot import AnalysisSettings, PlotNote, Shot
 from app.session.entry import Entry, entry_from_json, entry_to_json, keys_of, model_effects
 from app.session.verdict_basis import ModelEffects, VerdictBasis
@@ -97,7 +97,7 @@ class Session:
         """Return the newest entry of the same capture whose shot awaits its fit."""
 
         def waits(there: Shot | None) -> bool:
-            return there is not None and awaits_fit(there) and _capture_of(there) == _capture_of(shot)
+            return there is not None and fit_pending(there) and _capture_of(there) == _capture_of(shot)
 
         return next((entry for entry in reversed(self.entries) if waits(entry.shot)), None)
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from platformdirs import user_documents_path
 
 from analysis.planning import ADDED_KG, SPEEDS_M_PER_S, Reach
-from analysis.shot import NAMES as RIG_VALUES
-from analysis.shot import Setup, corrected
+from analysis.shot import SETUP_KEYS as RIG_VALUES
+from analysis.shot import Setup, corrected_setup
 from instrument.bench import LEVELS_M_PER_S, NAMES, USUAL_SITE
 from instrument.capture import CaptureOptions
 from instrument.devices import CaptureSettings, Digitizer, DigitizerError, network_source, source_of
@@ -149,7 +149,7 @@ class Settings(AnalysisChoices):
     @property
     def setup(self) -> Setup:
         """Get the description of the rig, for sources that do not provide one."""
-        return corrected(Setup(self.moving_mass_kg), {name: getattr(self, name) for name in RIG_VALUES})
+        return corrected_setup(Setup(self.moving_mass_kg), {name: getattr(self, name) for name in RIG_VALUES})
 
     def options(self, source: str, digitizer: Digitizer) -> CaptureOptions:
         """Return the capture options for a source, at its nearest sample rate; creates the data folder."""

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from analysis.collision import Effect, findings
+from analysis.collision import Effect, without_nuisances
 from analysis.diagnosis import Diagnosis, Verdict, effect_in_file
 from analysis.shot import Shot
 from levimass import is_drive
@@ -28,14 +28,14 @@ class VerdictBasis:
 
         It remains valid once all effects found are in the model, because the diagnosis fitted that model too.
         """
-        now, before = set(findings(effects)), set(self.effects)
+        now, before = set(without_nuisances(effects)), set(self.effects)
         return now in (before, before | set(self.found)) and set(self.shots) <= set(there)
 
 
 def verdict_of(diagnosis: Diagnosis, numbers: Iterable[int]) -> VerdictBasis:
     """Return the model and shots to which a diagnosis refers."""
     found = tuple(finding.effect for finding in diagnosis.findings)
-    return VerdictBasis(findings(diagnosis.fit_before.effects), found, tuple(numbers), diagnosis.verdict)
+    return VerdictBasis(without_nuisances(diagnosis.fit_before.effects), found, tuple(numbers), diagnosis.verdict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,9 +51,9 @@ def bench() -> None:
 
 def effects() -> None:
     """Compile every effect of the catalogue, for real arguments and for complex ones (derivatives)."""
-    from analysis.collision import CATALOGUE, WIDER, address, complex_address
+    from analysis.collision import CATALOGUE, WIDER_EFFECTS, address, complex_address
 
-    for row in (*CATALOGUE.values(), *WIDER.values()):
+    for row in (*CATALOGUE.values(), *WIDER_EFFECTS.values()):
         for kernel in {row.kernel, row.locked} - {None}:
             if kernel is not None:
                 address(kernel)

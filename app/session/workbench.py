@@ -11,8 +11,8 @@ from functools import partial
 from pathlib import Path
 
 from analysis.diagnosis import Diagnosis
-from analysis.fitted import awaits_fit
-from analysis.shot import AnalysisSettings, Shot, why_not_together
+from analysis.fitted import fit_pending
+from analysis.shot import AnalysisSettings, Shot, why_no_joint_fit
 from app.session.candidate_residuals import CandidateResiduals
 from app.session.entry import Entry
 from app.session.exports import Exports, UnsavedShots
@@ -203,7 +203,7 @@ class Workbench:
             return None
         else:
             entry = self.session.fill(number, shot, note=shot.note)
-        if not awaits_fit(shot):
+        if not fit_pending(shot):
             self._store_or_refit(entry)
         return entry
 
@@ -238,7 +238,7 @@ class Workbench:
         if not chosen:
             return "select at least one analysed shot"
         shots = [entry.shot for entry in chosen if entry.shot is not None]
-        if why := why_not_together(shots):
+        if why := why_no_joint_fit(shots):
             return why
         ids = tuple(entry.number for entry in chosen)
         laws, problems = self.own_laws.read()

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from analysis.collision import Effect
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Quantity, Role
-from analysis.uncertainty import combined_of, stated
+from analysis.uncertainty import combined_uncertainties, with_combined_uncertainty
 from app.session import Entry
 from app.window.panels.rig import TileText
 from app.window.theme import MARKS, Tone
@@ -70,7 +70,7 @@ def last_shot(entry: Entry) -> LastShot:
         saved, unsaved = f"Shot {number} is saved but not analysed: {why}.", why
     else:
         key = "cor_quasi_static"
-        cor = stated(shot.impact.cor_quasi_static, key, combined_of(shot))
+        cor = with_combined_uncertainty(shot.impact.cor_quasi_static, key, combined_uncertainties(shot))
         words = f"restitution {value_text(cor)}" if isinstance(cor, Quantity) else "no restitution was measured"
         saved, unsaved = f"Shot {number} is saved: {words}.", words
     return LastShot(entry.name, saved, _sentences(f"Shot {number} is only in memory: save it (Ctrl+S)", unsaved))

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from PySide6.QtCore import QLocale
 
-from analysis.collision import Effect, OwnLaw
-from analysis.shot import NotSeen, Quantity, Reading, words_and_unit
+from analysis.collision import Effect, UserLaw
+from analysis.shot import NotSeen, Quantity, Reading, split_unit
 from app.words.markup import Markup, lines, tag
 from app.words.model_texts import prefix_for
 
@@ -84,16 +84,16 @@ def reading_tooltip(
 
 def effect_numbers(effect: Effect, parameters: Mapping[str, Quantity]) -> str:
     """Return an effect's parameters with units (an own law declares its units), each kept on one line."""
-    units = {p.name: p.unit for p in effect.parameters} if isinstance(effect, OwnLaw) else {}
+    units = {p.name: p.unit for p in effect.parameters} if isinstance(effect, UserLaw) else {}
     return ", ".join(unbroken(parameter_words(name, value, units.get(name))) for name, value in parameters.items())
 
 
 def parameter_words(name: str, value: Quantity, unit: str | None = None) -> str:
     """Return "coefficient (1.90 ± 0.10)e-3 N s²/m²" for "coefficient_n_s2_per_m2"."""
     base, _, shot = name.partition(".")
-    words, unit = words_and_unit(base) if unit is None else (base, unit)
+    words, unit = split_unit(base) if unit is None else (base, unit)
     which = f" of shot {shot}" if shot else ""
-    return f"{words}{which} {localised_number(value.in_a_sentence())} {unit}".rstrip()
+    return f"{words}{which} {localised_number(value.in_text())} {unit}".rstrip()
 
 
 def unbroken(words: str) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from analysis.fitted import awaits_fit
+from analysis.fitted import fit_pending
 from analysis.shot import AnalysisError, Cancelled, Progress, Recording, Shot
 from instrument.files import one_line
 
@@ -92,7 +92,7 @@ class AnalysisThread:
             self.doing = ("analysing", 0.0)  # from here on it can be cancelled
             shot, problem = self._attempt(partial(self._analysis.analyse, recording))
             del recording, item  # the file closes with the last reference to its recording
-            if shot is not None and awaits_fit(shot):
+            if shot is not None and fit_pending(shot):
                 self._done(key, shot, problem)
                 shot = self._fitted(shot)
             self.doing = None

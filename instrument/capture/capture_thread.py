@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.fitted import awaits_fit
+from analysis.fitted import fit_pending
 from analysis.shot import Gap
 from instrument.capture.acquisition import Acquisition, Action, Event, State
 from instrument.capture.analysis_thread import ShotAnalysis
@@ -149,7 +149,7 @@ class CaptureThread:
         elif kind == "analysed":
             number, shot, problem = what
             self.finished.analysed(number, shot, problem)
-            if number == self._awaited and not (shot is not None and awaits_fit(shot)):
+            if number == self._awaited and not (shot is not None and fit_pending(shot)):
                 self._do(self.machine.handle(Event.ANALYSED))
 
     def _do(self, action: Action) -> None:

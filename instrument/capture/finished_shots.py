@@ -4,7 +4,7 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.fitted import awaits_fit
+from analysis.fitted import fit_pending
 from analysis.shot import Shot
 from instrument.capture.analysis_thread import AnalysisThread, Done, ShotAnalysis
 from instrument.capture.recorder import Recorded, save_elsewhere
@@ -61,7 +61,7 @@ class FinishedShots:
         waiting = self._waiting.pop(number, None)
         if waiting is not None:
             self._finish(waiting, shot, problem)
-            if shot is not None and awaits_fit(shot):
+            if shot is not None and fit_pending(shot):
                 self._awaiting_fit[number] = self._finished
         elif (index := self._awaiting_fit.pop(number, None)) is not None:
             self.newest = tuple(replace(done, shot=shot) if done.index == index else done for done in self.newest)

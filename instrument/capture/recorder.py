@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot import DELIVERED, RATE_CONTRADICTED, Channel, Gap, Recording, Role, Setup
+from analysis.shot import DELIVERED_KEY, RATE_CONTRADICTED, Channel, Gap, Recording, Role, Setup
 from instrument.devices import CaptureSettings
 from instrument.files import (
     ENDED_EARLY,
@@ -96,7 +96,7 @@ class GrowingShot:
         if self.unseen_loss_s:
             own["lmm:capture"]["unseen_loss_s"] = self.unseen_loss_s
         if self.doubtful_rate_hz is not None:
-            own[DELIVERED] = self.doubtful_rate_hz
+            own[DELIVERED_KEY] = self.doubtful_rate_hz
         if self.ended_early is not None:
             own[ENDED_EARLY] = self.ended_early
         return {"global": own}

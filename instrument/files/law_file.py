@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from analysis.collision import LawError, OwnLaw, from_mapping
+from analysis.collision import LawError, UserLaw, law_from_table
 from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.recording_error import RecordingError, system_message
 from instrument.files.text_file import read_toml
@@ -10,17 +10,17 @@ from instrument.files.text_file import read_toml
 LARGEST_BYTES = 64 * 1024
 
 
-def read_law(path: Path) -> OwnLaw:
+def read_law(path: Path) -> UserLaw:
     """Read a law.  Raises RecordingError."""
     try:
-        return from_mapping(read_toml(path, LARGEST_BYTES))
+        return law_from_table(read_toml(path, LARGEST_BYTES))
     except LawError as error:
         raise RecordingError(path, str(error)) from None
 
 
-def read_laws(folder: Path) -> tuple[list[OwnLaw], list[str]]:
+def read_laws(folder: Path) -> tuple[list[UserLaw], list[str]]:
     """Return the laws in ``folder`` in file order, and one line of text for each file that cannot be read."""
-    laws: dict[str, OwnLaw] = {}
+    laws: dict[str, UserLaw] = {}
     problems: list[str] = []
     for path in sorted(folder.glob("*.toml")):
         try:
@@ -33,7 +33,7 @@ def read_laws(folder: Path) -> tuple[list[OwnLaw], list[str]]:
     return list(laws.values()), problems
 
 
-def write_law(law: OwnLaw, folder: Path) -> Path:
+def write_law(law: UserLaw, folder: Path) -> Path:
     """Write a law as ``NAME.toml`` into ``folder``, never over another; return its path.  Raises RecordingError."""
     path = folder / f"{law.name}.toml"
     if path.exists():

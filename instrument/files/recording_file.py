@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot import DELIVERED, RATE_CONTRADICTED, Recording, Role, Shot
+from analysis.shot import DELIVERED_KEY, RATE_CONTRADICTED, Recording, Role, Shot
 from instrument.files.foreign_file import find_mapping, format_of, read_mapping
 from instrument.files.recording_error import FileNotReached, RecordingError, system_message
 from instrument.files.recording_metadata import Metadata, read_metadata
@@ -74,7 +74,7 @@ def read_without_hash(path: Path | str) -> tuple[Recording, str | None]:
         flags.append("gap")
     if ENDED_EARLY in metadata.extra.get("global", {}):
         flags.append("cut_short")
-    if DELIVERED in metadata.extra.get("global", {}):
+    if DELIVERED_KEY in metadata.extra.get("global", {}):
         flags.append(RATE_CONTRADICTED)
     if _clipped(counts, metadata):
         flags.append("clipped")

@@ -4,8 +4,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from analysis.collision.effects import named
-from analysis.collision.laws.own import from_mapping
+from analysis.collision.effects import effect_named
+from analysis.collision.laws.user_law import law_from_table
 from analysis.diagnosis.result import (
     BlindSpot,
     Candidate,
@@ -169,20 +169,22 @@ def diagnosis(of: Shot) -> Diagnosis:
         verdict=Verdict.EFFECT_FOUND,
         effects=(
             FoundEffect(
-                named("quadratic_drag"),
+                effect_named("quadratic_drag"),
                 {"coefficient_n_s2_per_m2": Quantity(1.9e-3, 1e-4)},
                 {"delta_bic": 812.0},
-                (named("viscous_drag"),),
+                (effect_named("viscous_drag"),),
             ),
         ),
-        candidates=tuple(Candidate(named(n), 60.0 / (i + 1), -812.0 / (i + 1) ** 2) for i, n in enumerate(names)),
+        candidates=tuple(
+            Candidate(effect_named(n), 60.0 / (i + 1), -812.0 / (i + 1) ** 2) for i, n in enumerate(names)
+        ),
         error_before=before,
         error_after=after,
         error_held_out_before=Errors(70e-9, 41e-6, 3.2e-3, 4000.0),
         error_held_out_after=Errors(1.3e-9, 8e-6, 2.0e-3, 1.05),
         fit_before=of.fit,
         fit_after=of.fit,
-        blind_spots=(BlindSpot(named("tilt"), "angle_rad", 2e-5),),
+        blind_spots=(BlindSpot(effect_named("tilt"), "angle_rad", 2e-5),),
         speeds_m_per_s=(0.2,),
     )
 
@@ -191,7 +193,7 @@ def learned_law() -> LearnedLaw:
     """Return a law of the place with another form that fits, and one of the bend."""
     at = np.linspace(-2e-3, 1e-3, 31)
     force = -4e-3 * np.exp(-np.abs(at) / 5e-4)
-    own = from_mapping(
+    own = law_from_table(
         {
             "name": "law_exponential", "words": "a force as a function of place, exponential", "where": "block",
             "formula": "a*exp(-abs(x)/b)",

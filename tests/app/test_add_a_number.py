@@ -9,7 +9,7 @@ from PySide6.QtCore import Qt
 from analysis.report import result
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty import measurement_equations, numbers
-from analysis.uncertainty.gum_budget import combined_of, stated
+from analysis.uncertainty.gum_budget import combined_uncertainties, with_combined_uncertainty
 from app.report.exports import export
 from app.report.number_tables import summary
 from app.report.page import report_of
@@ -73,7 +73,7 @@ def test_a_number_stands_in_report_terminal_and_window(shots, qtbot):
     table.show_session(session)
     column = next(place for place, of in enumerate(table.model.columns) if of.head == "impulse (N s)")
     assert table.table.isColumnHidden(column)
-    combined = stated(_impulse(shots[0]), IMPULSE.key, combined_of(shots[0]))
+    combined = with_combined_uncertainty(_impulse(shots[0]), IMPULSE.key, combined_uncertainties(shots[0]))
     assert table.model.index(0, column).data(Qt.ItemDataRole.DisplayRole) == concise_text(combined)
     compare.show_entries(list(session.entries))
     compare.which.setCurrentIndex(compare.which.findData("pulse_impulse_n_s"))

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.model_file import SavedModel, from_text, to_text
 from analysis.diagnosis.result import Errors
 from analysis.shot.quantity import Quantity
@@ -31,7 +31,7 @@ from tests.app import synthetic
 
 UNDECLARED = {  # another value for each field that declares none
     "fit": False,
-    "effects": (named("viscous_drag"),),
+    "effects": (effect_named("viscous_drag"),),
     "corrections": (("moving_mass_kg", 0.02), ("wavelength_air_m", None)),
     "source": "scpi:scope",
     "network": "scpi:scope",
@@ -76,7 +76,7 @@ def test_every_field_survives_a_session(kind, tmp_path, monkeypatch):
     session.add(
         replace(synthetic.bare_shot("shot-2"), path="/data/2", settings=changed(kind), note="a note"), copy_of=1
     )
-    session.set_verdict(2, "adequate", VerdictBasis((named("tilt"),), (named("adhesion"),), (1, 2)))
+    session.set_verdict(2, "adequate", VerdictBasis((effect_named("tilt"),), (effect_named("adhesion"),), (1, 2)))
     session.change_plot_note(2, None, PlotNote("force", 0.01, 0.5, "the plate's own note"))
     before, after = session.entries[1], Session.reopen(tmp_path / "session.json").entries[1]
     for of in fields(before):
@@ -122,7 +122,7 @@ def test_every_field_survives_the_settings_file_and_a_kept_result(tmp_path):
 
 def test_every_field_survives_a_model_file():
     q, errors = Quantity(1.5, 0.25, "model file"), Errors(1e-9, 1e-6, 1e-3, 1.25)
-    drag = (named("viscous_drag"),)
+    drag = (effect_named("viscous_drag"),)
     model = SavedModel("contact", drag, {"a": q}, np.eye(1), ("s",), {"before": errors}, {"b": q}, drag)
     after = from_text(to_text(model))
     for of in fields(SavedModel):

@@ -38,7 +38,7 @@ def added(monkeypatch: pytest.MonkeyPatch) -> Any:
 def test_the_pages_function_brakes_as_its_equation_says(added: Any) -> None:
     collision, time_s = replace(PAPER, velocity_in_m_per_s=-0.4), np.arange(-1500, 1) * 1e-5
     strength = 3e-2
-    run = general.solve(collision, [general.Active(added, (strength,))], time_s)
+    run = general.solve(collision, [general.ActiveEffect(added, (strength,))], time_s)
     here = np.gradient(run.velocity_m_per_s, time_s)[10:-10]
     speed = run.velocity_m_per_s[10:-10]
     assert here == pytest.approx(-strength * speed**3 / collision.block_mass_kg, rel=1e-3)

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from analysis.shot.shot import AnalysisSettings
-from analysis.shot.version import program, program_version
+from analysis.shot.version import program_version, version_and_digest
 from app.command_line.campaign import run
 from app.command_line.campaign.cluster import is_secure
 from app.command_line.campaign.journal import JOURNAL, Journal
@@ -115,11 +115,11 @@ def test_what_was_not_reached_is_no_result(shots: Path, tmp_path: Path, capsys: 
 
 def test_a_worker_that_cannot_do_the_work_says_why(tmp_path: Path) -> None:
     here = str(tmp_path)
-    assert why_unusable(program(), [here], here) is None and list(tmp_path.iterdir()) == []
-    assert why_unusable("another", [here], here) == f"has levimass {program()}, not another"
-    assert why_unusable(program(), [here, here + "/none"], None) == f"does not see the folder {here}/none"
+    assert why_unusable(version_and_digest(), [here], here) is None and list(tmp_path.iterdir()) == []
+    assert why_unusable("another", [here], here) == f"has levimass {version_and_digest()}, not another"
+    assert why_unusable(version_and_digest(), [here, here + "/none"], None) == f"does not see the folder {here}/none"
     (tmp_path / "a file").touch()
-    assert f"cannot write to {here}/a file" in str(why_unusable(program(), [here], f"{here}/a file"))
+    assert f"cannot write to {here}/a file" in str(why_unusable(version_and_digest(), [here], f"{here}/a file"))
 
 
 def test_a_terminal_is_told_how_many_shots_are_done_and_how_long_the_others_take(
@@ -259,9 +259,9 @@ def test_a_changed_program_of_the_same_version_does_not_serve_old_numbers(
     found = sorted((shots / "a").glob("*.sigmf-meta"))
     before = [task.stamp for task in tasks_of(found, None, AnalysisSettings(), None)]
     assert before == [task.stamp for task in tasks_of(found, None, AnalysisSettings(), None)]
-    monkeypatch.setattr("app.command_line.campaign.task.program", lambda: f"{program_version()} (another)")
+    monkeypatch.setattr("app.command_line.campaign.task.version_and_digest", lambda: f"{program_version()} (another)")
     assert not set(before) & {task.stamp for task in tasks_of(found, None, AnalysisSettings(), None)}
-    assert program().startswith(program_version()) and len(program()) > len(program_version())
+    assert version_and_digest().startswith(program_version()) and len(version_and_digest()) > len(program_version())
 
 
 SAFE = (

@@ -274,7 +274,7 @@ def test_a_diagnosis_names_its_shots_from_the_first_second(qtbot):
 def test_candidates_are_fitted_while_nothing_else_is_to_be_done(told, shots, monkeypatch):
     asked, go = [], threading.Event()
 
-    def fitted(motions, base, effects, shakings, *, progress, cancelled):
+    def fitted(motions, base, effects, vibrations, *, progress, cancelled):
         asked.append(effects[-1])
         while not go.wait(0.01):
             if cancelled():

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from analysis.shot.quantity import NotSeen, Quantity
-from analysis.uncertainty import number_of
+from analysis.uncertainty import number_with_key
 from app.report import contact_span_ms
 from app.session.session import Session
 from app.window.panels.compare import MOST, ComparePanel, TrendPlot
 from tests.app import synthetic
 from tests.app.on_screen import trend_points
 
-PEAK = number_of("contact_time_s")  # in ms
+PEAK = number_with_key("contact_time_s")  # in ms
 
 
 def _shot(speed: float, value: float | None, std: float = 2e-4):

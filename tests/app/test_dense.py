@@ -8,7 +8,7 @@ from PySide6.QtGui import QWheelEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
-from analysis.uncertainty.gum_budget import combined_of, stated
+from analysis.uncertainty.gum_budget import combined_uncertainties, with_combined_uncertainty
 from app.session.jobs import Job, Jobs
 from app.session.session import Session
 from app.window.layout import Layout
@@ -137,7 +137,7 @@ def test_any_number_can_be_a_column_and_is_sorted_by(panels, qtbot):
 
 
 def stated_contact(shot):
-    return stated(shot.impact.contact_time_s, "contact_time_s", combined_of(shot))
+    return with_combined_uncertainty(shot.impact.contact_time_s, "contact_time_s", combined_uncertainties(shot))
 
 
 def test_work_of_more_than_two_seconds_says_how_long_it_still_takes(panels, monkeypatch):

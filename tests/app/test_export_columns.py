@@ -10,7 +10,7 @@ import pytest
 from analysis.diagnosis.result import Errors
 from analysis.shot.quantity import Quantity
 from analysis.shot.version import program_version
-from analysis.uncertainty import combined_of
+from analysis.uncertainty import combined_uncertainties
 from app.report.exports import (
     MODEL_COLUMNS,
     MOTION_COLUMNS,
@@ -61,7 +61,7 @@ def test_a_row_of_a_shot_has_a_cell_for_every_column() -> None:
     first = {"name": "one", "path": "/x/one.sigmf-data", "started_at": "2026-03-01T10:12:05Z", "status": "ok"}
     first |= {"problem": "", "flags": "clipped gap", "note": "a note", "motion_file": "one.csv", "model": "paper"}
     assert {key: row[key] for key in first} == first and row["reduced_chi2"] == "1.02"
-    combined = combined_of(one)
+    combined = combined_uncertainties(one)
     for number in shot_numbers():
         cells = [row[name] for name in columns_of(number)]
         reading = number.find(one)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.result import (
     BlindSpot,
     DriveEvidence,
@@ -78,7 +78,7 @@ def test_a_shot_and_a_diagnosis_come_back_whole(shot):
 
 
 def test_what_remains_comes_back_as_it_was(shot):
-    left = Remainder(2e-9, 1e-10, ((Phase.LOADING, 3e-9),), None, 1100.0, Freedom.BEND, 13.0, (named("tilt"),))
+    left = Remainder(2e-9, 1e-10, ((Phase.LOADING, 3e-9),), None, 1100.0, Freedom.BEND, 13.0, (effect_named("tilt"),))
     mass = MassCheck(None, Quantity(0.2, 1e-3), agrees=True)
     drive = DriveEvidence(
         Repeatability(0.1, True, "a cycle"), mass, 50.0, (LAWS["drive_delay"],), DriveRemainder(0.1, 0.2, 0.3, 0.4)
@@ -88,7 +88,7 @@ def test_what_remains_comes_back_as_it_was(shot):
     found = replace(found, remainder=left, drive=drive, candidates=candidates)
     again = unpacked(io.BytesIO(packed({}, found)))
     assert (again.remainder, again.drive, again.candidates) == (left, drive, candidates)
-    assert again.blind_spots == found.blind_spots == (BlindSpot(named("tilt"), "angle_rad", 2e-5),)
+    assert again.blind_spots == found.blind_spots == (BlindSpot(effect_named("tilt"), "angle_rad", 2e-5),)
 
 
 def test_only_the_analysis_own_classes_are_made():
@@ -157,7 +157,7 @@ def test_a_changed_program_of_the_same_version_analyses_again(tmp_path, saved, m
     kept.store_shot(saved)
     kept.store_diagnosis(synthetic.diagnosis(saved), [key])
     assert kept.shot(key) is not None and len(kept.diagnoses({1: key})) == 1
-    monkeypatch.setattr(result_cache, "program", lambda: f"{program_version()} (another)")
+    monkeypatch.setattr(result_cache, "version_and_digest", lambda: f"{program_version()} (another)")
     assert kept.shot(key) is None and kept.diagnoses({1: key}) == []
 
 

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER, named
-from analysis.collision.laws.own import from_mapping
+from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER_EFFECTS, effect_named
+from analysis.collision.laws.user_law import law_from_table
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.drive.catalogue import GAIN_ERROR, LAWS
 from analysis.report import fit_result
@@ -45,7 +45,7 @@ SHAKEN = {
 
 @pytest.mark.parametrize("table", [STIR, SHAKEN], ids=["shared", "fitted per shot"])
 def test_a_law_is_written_as_it_is_read(tmp_path, table):
-    law = from_mapping(table)
+    law = law_from_table(table)
     path = write_law(law, tmp_path / "laws")
     assert read_law(path) == law
     before = path.read_bytes()
@@ -55,12 +55,14 @@ def test_a_law_is_written_as_it_is_read(tmp_path, table):
 
 
 def test_a_law_in_the_model_goes_through_files_and_processes_as_the_same_effect(tmp_path):
-    law, other = from_mapping(STIR), from_mapping({**STIR, "formula": "-c * v**5 + 0*b"})
-    assert law != other and law.name == other.name and {law, other} - {from_mapping(STIR)} == {other}
+    law, other = law_from_table(STIR), law_from_table({**STIR, "formula": "-c * v**5 + 0*b"})
+    assert law != other and law.name == other.name and {law, other} - {law_from_table(STIR)} == {other}
     of = shot()
     sizes = {**of.fit.parameters, f"{law.key}.c": Quantity(3e-3, 1e-5), f"{law.key}.b": Quantity(1.0, 0.1)}
     fit = replace(of.fit, effects=(law,), parameters=sizes, covariance=np.eye(len(sizes)))
-    of = replace(of, path=str(tmp_path / "a.csv"), fit=fit, settings=replace(of.settings, effects=(law, named("tilt"))))
+    of = replace(
+        of, path=str(tmp_path / "a.csv"), fit=fit, settings=replace(of.settings, effects=(law, effect_named("tilt")))
+    )
     text = to_text(saved(fit, ["a"], tried=(law,)))
     assert from_text(text).effects == from_text(text).tried == (law,)
     assert tomllib.loads(text)["effects"] == ['stir{"name":"stir",' + law.key.partition(",")[2]]
@@ -81,7 +83,7 @@ def test_a_law_in_the_model_goes_through_files_and_processes_as_the_same_effect(
 
 
 def test_every_effect_and_candidate_is_kept_and_sent_to_another_process():
-    for effect in (*CATALOGUE.values(), *WIDER.values(), *NUISANCES.values(), *LAWS.values(), GAIN_ERROR):
+    for effect in (*CATALOGUE.values(), *WIDER_EFFECTS.values(), *NUISANCES.values(), *LAWS.values(), GAIN_ERROR):
         assert rebuild(*split(effect)) == pickle.loads(pickle.dumps(effect)) == effect, effect
     with pytest.raises(NotStorable, match="gremlins"):
         rebuild({"effect": "gremlins", "base": ""}, [])
@@ -90,7 +92,7 @@ def test_every_effect_and_candidate_is_kept_and_sent_to_another_process():
 def test_what_a_later_version_named_is_no_verdict_of_this_one(tmp_path):
     session = Session(tmp_path / "session.json")
     session.add(replace(shot(), path=str(tmp_path / "a.csv")))
-    session.set_verdict(1, "gremlins", VerdictBasis((), (named("tilt"),), (1,)))
+    session.set_verdict(1, "gremlins", VerdictBasis((), (effect_named("tilt"),), (1,)))
     path = tmp_path / "session.json"
     path.write_text(path.read_text().replace('"tilt"', '"gremlins"'))
     (entry,) = Session.reopen(path).entries
@@ -104,7 +106,7 @@ def test_the_folder_of_laws_is_asked_and_a_spoilt_file_told(tmp_path):
     (tmp_path / "broken.toml").write_text("name = 3\n")
     (tmp_path / "twice.toml").write_text((tmp_path / "stir.toml").read_text())
     found, problems = laws.read()
-    assert found == (from_mapping(STIR),)
+    assert found == (law_from_table(STIR),)
     assert [
         problem.partition(":")[0].endswith(name)
         for problem, name in zip(problems, ("broken.toml", "twice.toml"), strict=True)

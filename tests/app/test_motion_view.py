@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.quantity import NotSeen
-from analysis.uncertainty import band_of
+from analysis.uncertainty import noise_band_of_shot
 from app.report import contact_span_ms
 from app.window.panels.shot_motion import RESIDUALS, DeflectionView, GapView, MotionView, _size
 from tests.app import synthetic
@@ -52,7 +52,7 @@ def test_a_residual_is_measured_minus_simulated_in_a_readable_unit_within_its_ba
     view.show_shot(shot)
     view.stack.show_span(-60.0, 80.0)
     view.kind.setCurrentIndex(kind)
-    overlay, band = shot.fit.shots[0].overlay, band_of(shot)
+    overlay, band = shot.fit.shots[0].overlay, noise_band_of_shot(shot)
     expected = (
         (shot.motion.force_n - overlay.force_n, band.force_n),
         (shot.motion.velocity_m_per_s - overlay.velocity_m_per_s, band.velocity_m_per_s),
@@ -67,7 +67,7 @@ def test_a_residual_is_measured_minus_simulated_in_a_readable_unit_within_its_ba
 
 @pytest.mark.parametrize(("spoilt", "chosen"), [(None, 0), ("displacement", 2), ("velocity", 1), ("force", 0)])
 def test_the_residual_that_stands_out_of_its_band_is_shown_unless_one_was_chosen(view, shot, spoilt, chosen) -> None:
-    band, wave = band_of(shot), np.sin(np.arange(shot.motion.time_s.size))
+    band, wave = noise_band_of_shot(shot), np.sin(np.arange(shot.motion.time_s.size))
     motion, own = shot.motion, shot.fit.shots[0]
     if spoilt == "displacement":
         own = replace(own, residual_m=own.residual_m + 6 * band.displacement_m * wave)

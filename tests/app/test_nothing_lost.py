@@ -12,7 +12,7 @@ from PySide6.QtCore import QLocale
 from PySide6.QtWidgets import QApplication, QLineEdit, QPushButton, QWidget
 from pytestqt.qtbot import QtBot
 
-from analysis.fitted.fitted_shot import awaits_fit
+from analysis.fitted.fitted_shot import fit_pending
 from analysis.pipeline import fitted, read
 from analysis.shot.motion import ARRAYS
 from analysis.shot.recording import Channel, Recording, Role, Setup
@@ -187,7 +187,7 @@ def read_shot(tmp_path_factory: pytest.TempPathFactory) -> Shot:
     """Return a shot of the bench as the rig tells it first: read, and awaiting its fit."""
     (path,) = simulate(tmp_path_factory.mktemp("shots"), 1)
     shot = read(open_recording(path))
-    assert awaits_fit(shot)
+    assert fit_pending(shot)
     return shot
 
 
@@ -276,7 +276,7 @@ def test_killed_between_readings_and_fit_the_next_start_analyses_the_shot_whole(
         again.read_unread()
         qtbot.waitUntil(lambda: (again.poll(), again.session.entries[0].shot is not None)[1], timeout=WAIT_MS)
         shot = again.session.entries[0].shot
-        assert shot is not None and shot.fit is not None and not awaits_fit(shot)
+        assert shot is not None and shot.fit is not None and not fit_pending(shot)
     finally:
         again.close()
 
@@ -294,7 +294,7 @@ def test_a_shot_that_was_off_the_list_when_its_fit_came_is_fitted_once_it_is_bac
     def fit_came() -> bool:
         presenter.refresh()
         shot = workbench.session.entries[0].shot
-        return shot is not None and shot.fit is not None and not awaits_fit(shot)
+        return shot is not None and shot.fit is not None and not fit_pending(shot)
 
     qtbot.waitUntil(fit_came, timeout=WAIT_MS)
 
@@ -320,7 +320,7 @@ def test_a_fit_that_abort_stopped_is_made_beside_the_rig(qtbot: QtBot, away: Awa
     def fit_came() -> bool:
         presenter.refresh()
         shot = workbench.session.entries[0].shot
-        return shot is not None and shot.fit is not None and not awaits_fit(shot)
+        return shot is not None and shot.fit is not None and not fit_pending(shot)
 
     qtbot.waitUntil(fit_came, timeout=WAIT_MS)
 

@@ -12,7 +12,7 @@ from analysis.paper.paper import reproduce
 from analysis.report import result
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty.gum_budget import budget
-from analysis.uncertainty.numbers import Origin, number_of, of_collision
+from analysis.uncertainty.numbers import Origin, collision_numbers, number_with_key
 from analysis.uncertainty.series_statistics import series
 from app.report.exports import columns_of, export
 from app.report.number_tables import summary
@@ -42,7 +42,7 @@ def combined(entry):
 
 
 def test_every_number_of_the_panel_that_was_read_has_a_budget(entry, combined):
-    rows = of_collision(Origin.READ, Origin.FITTED)
+    rows = collision_numbers(Origin.READ, Origin.FITTED)
     read = {row.key for row in rows if value_text(row.find(entry.shot)) != "–"}
     assert read and read <= set(combined)
 
@@ -108,11 +108,11 @@ def test_shots_csv_has_the_combined_uncertainty_and_the_noise_in_a_column_named_
         (row,) = csv.DictReader(file)
     seen = 0
     for key, whole in combined.items():
-        if number_of(key).origin is Origin.DERIVED:  # in budget.csv alone
+        if number_with_key(key).origin is Origin.DERIVED:  # in budget.csv alone
             continue
-        value, std, noise = columns_of(number_of(key))
+        value, std, noise = columns_of(number_with_key(key))
         assert float(row[std]) == whole.std, key
-        reading = number_of(key).find(entry.shot)
+        reading = number_with_key(key).find(entry.shot)
         if isinstance(reading, Quantity):
             assert float(row[value]) == reading.value and float(row[noise]) == reading.std, key
             seen += reading.std < whole.std

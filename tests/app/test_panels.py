@@ -11,12 +11,12 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QTextDocumentFragment
 from PySide6.QtWidgets import QLabel, QPushButton
 
-from analysis.collision.effects import named
-from analysis.collision.laws.own import from_mapping
+from analysis.collision.effects import effect_named
+from analysis.collision.laws.user_law import law_from_table
 from analysis.diagnosis.result import Candidate, Errors, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
-from analysis.shot.impact import Disturbance, Shaking
+from analysis.shot.impact import Disturbance, VibrationSpectrum
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty.gum_budget import budget
 from app.report.number_tables import fitted
@@ -188,7 +188,7 @@ def test_the_numbers_name_what_the_effects_in_the_model_came_to(qtbot):
     driven = synthetic.driven_shot()
     fit = replace(
         driven.fit,
-        effects=(named("coulomb_friction"),),
+        effects=(effect_named("coulomb_friction"),),
         parameters={**driven.fit.parameters, "coulomb_friction.force_n": Quantity(20.0, 0.1)},
     )
     panel.show_shot(replace(driven, fit=fit))
@@ -479,11 +479,11 @@ def test_the_diagnosis_says_the_verdict_first_and_offers_to_add_the_effect(qtbot
     assert panel.sentence.text().startswith("The model lacks a drag whose form is undetermined: quadratic drag or")
     with qtbot.waitSignal(panel.effects.add_wanted) as added:
         effect_button(panel.effects, "quadratic_drag").click()
-    assert added.args == [[named("quadratic_drag")]]
-    panel.show_diagnosis(synthetic.diagnosis(shot), [shot], (named("quadratic_drag"),))
+    assert added.args == [[effect_named("quadratic_drag")]]
+    panel.show_diagnosis(synthetic.diagnosis(shot), [shot], (effect_named("quadratic_drag"),))
     with qtbot.waitSignal(panel.effects.remove_wanted) as removed:
         effect_button(panel.effects, "quadratic_drag").click()
-    assert removed.args == [named("quadratic_drag")]
+    assert removed.args == [effect_named("quadratic_drag")]
     panel.show_progress("scoring", 0.4)
     assert not panel.diagnose.isEnabled() and panel.cancel.isVisible()
     panel.show_progress(None, 0.0)
@@ -569,9 +569,9 @@ def test_what_stays_open_offers_the_next_step(qtbot, shot):
     ]  # fmt: skip
     with qtbot.waitSignal(panel.next_steps.try_wanted) as tried:
         next_buttons(panel.next_steps)[1].click()
-    assert tried.args == [named("viscous_drag")]
-    panel.tried = (named("viscous_drag"),)
-    panel.show_diagnosis(left, [shot], (named("viscous_drag"),))
+    assert tried.args == [effect_named("viscous_drag")]
+    panel.tried = (effect_named("viscous_drag"),)
+    panel.show_diagnosis(left, [shot], (effect_named("viscous_drag"),))
     words = " ".join(label.text() for label in panel.effects.findChildren(QLabel))
     assert "tried by the operator; not found by a diagnosis" in words
     assert all("viscous" not in button.text() for button in next_buttons(panel.next_steps))
@@ -618,14 +618,14 @@ def test_several_effects_are_added_by_one_press(qtbot):
     qtbot.addWidget(panel)
     shot = synthetic.shot()
     found = synthetic.diagnosis(shot)
-    two = replace(found, effects=(*found.effects, replace(found.effects[0], effect=named("tilt"))))
+    two = replace(found, effects=(*found.effects, replace(found.effects[0], effect=effect_named("tilt"))))
     panel.show_diagnosis(two, [shot], ())
     asked = []
     panel.effects.add_wanted.connect(asked.append)
     (button,) = [b for b in panel.findChildren(QPushButton) if b.text() == "Add all to the model"]
     button.click()
-    assert asked == [[named("quadratic_drag"), named("tilt")]]
-    panel.show_diagnosis(two, [shot], (named("tilt"),))
+    assert asked == [[effect_named("quadratic_drag"), effect_named("tilt")]]
+    panel.show_diagnosis(two, [shot], (effect_named("tilt"),))
     qtbot.waitUntil(lambda: not [b for b in panel.findChildren(QPushButton) if b.text() == "Add all to the model"])
 
 
@@ -670,7 +670,7 @@ def test_a_diagnosis_whose_shots_are_removed_names_none(qtbot, shot):
 def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_worse_bic(qtbot, shot):
     bars = CandidateBars()
     qtbot.addWidget(bars)
-    tilt, adhesion = named("tilt"), named("adhesion")
+    tilt, adhesion = effect_named("tilt"), effect_named("adhesion")
     bars.show_candidates((Candidate(tilt, 9.0, 4.0), Candidate(adhesion, 60.0, -80.0)), {tilt, adhesion})
     words = [label.text() for label in bars.findChildren(QLabel)]
     names = [text for text in words if "adhesion" in text or "tilt" in text]
@@ -678,8 +678,8 @@ def test_candidates_stand_in_the_order_of_their_bars_and_a_tick_never_beside_a_w
 
 
 def test_the_band_of_a_diagnosed_residual_says_what_it_is(qtbot, shot):
-    line = Shaking(np.array([100.0]), np.array([(5e-9) ** 2]), np.array([False]))
-    shaken = replace(shot, impact=replace(shot.impact, disturbance=Disturbance((), 5e-9, 3e-6, shaking=line)))
+    line = VibrationSpectrum(np.array([100.0]), np.array([(5e-9) ** 2]), np.array([False]))
+    shaken = replace(shot, impact=replace(shot.impact, disturbance=Disturbance((), 5e-9, 3e-6, vibration=line)))
     panels = ShotPanel(), DiagnosisPanel()
     for panel in panels:
         qtbot.addWidget(panel)
@@ -790,7 +790,7 @@ def test_a_law_with_a_less_than_in_its_words_is_named_whole(qtbot, shot):
     """Qt takes a "<" for markup of its own: "pull where x<0 & v>0" lost its end."""
     words = "pull where x<0 & v>0"
     parameters = {"a": {"unit": "N", "start": 1e-3}}
-    law = from_mapping(
+    law = law_from_table(
         {"name": "pull", "words": words, "where": "block", "formula": "a*sign(v)", "parameters": parameters}
     )
     found = synthetic.diagnosis(shot)

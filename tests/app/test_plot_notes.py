@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QWidget
 
 from analysis.drive.curves import drive_curves
 from analysis.shot.recording import Role
-from analysis.shot.shot import UNITS, PlotNote
+from analysis.shot.shot import PLOT_UNITS, PlotNote
 from app.report.page import report_of
 from app.report.shot_figures import time_zero
 from app.session.session import Session
@@ -233,7 +233,7 @@ def test_every_plot_of_a_shot_takes_notes(panels):
     shot.show_shot(driven)
     shot.show_drive(driven, drive_curves(driven.motion, driven.fit))
     look()
-    assert named == set(UNITS) - {"PD0", "PD1", "light switch", "spectrum", "spectrogram"}
+    assert named == set(PLOT_UNITS) - {"PD0", "PD1", "light switch", "spectrum", "spectrogram"}
 
 
 def test_a_note_on_a_raw_signal_stands_where_the_recording_has_it(panels, session, qtbot):

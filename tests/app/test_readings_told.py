@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.model_file import from_text
 from analysis.fitted.fitted_shot import fit_jointly, read_with, with_fit
 from analysis.fitted.readings_from_fit import fitted_contact_cor
@@ -41,14 +41,14 @@ def test_what_rests_on_a_model_says_on_which() -> None:
     bare = analyse_motion(motion, AnalysisSettings(fit=False), name="bare")
     assert shot_result(bare)["readings_model"] is None
     assert "read from the motion alone" in report_of([bare])
-    fitted = analyse_motion(motion, AnalysisSettings(effects=(named("viscous_drag"),)), name="fitted")
+    fitted = analyse_motion(motion, AnalysisSettings(effects=(effect_named("viscous_drag"),)), name="fitted")
     told = json.loads(json.dumps(shot_result(fitted)))["readings_model"]
     assert told == {"base": "paper", "effects": ["viscous_drag"], "readings": ["cor_kinetic.contact"]}
     page = report_of([replace(fitted, path="shot.sigmf-meta")])
     assert "From the fitted model paper with" in page
     assert "--model model.toml" in page  # to repeat it, with the very effects
     written = from_text(html.unescape(page.partition("<pre>")[2].partition("</pre>")[0]))
-    assert fitted.fit is not None and written.effects == (named("viscous_drag"),)
+    assert fitted.fit is not None and written.effects == (effect_named("viscous_drag"),)
     assert written.parameters["viscous_drag.coefficient_n_s_per_m"].value == pytest.approx(
         fitted.fit.parameters["viscous_drag.coefficient_n_s_per_m"].value, rel=1e-9
     )
@@ -56,7 +56,7 @@ def test_what_rests_on_a_model_says_on_which() -> None:
 
 def test_readings_made_again_after_a_diagnosis_say_so_in_result_table_and_report() -> None:
     shot = analyse_motion(disturbed_motion(RIG, Disturbance()), AnalysisSettings(), name="shot")
-    found = fit_jointly([shot.motion], "paper", (named("viscous_drag"),)) if shot.motion is not None else None
+    found = fit_jointly([shot.motion], "paper", (effect_named("viscous_drag"),)) if shot.motion is not None else None
     assert shot.fit is not None and found is not None
     again = read_with(shot, found)
     assert again.fit is shot.fit and again.impact is not None and shot.impact is not None

@@ -265,7 +265,7 @@ def test_a_prediction_that_does_not_end_is_given_up_and_costs_no_output(
             pass
 
     monkeypatch.setattr("analysis.diagnosis.evaluate_predictions", endless)
-    monkeypatch.setattr("app.session.model_in_use.SECONDS", 0.1)
+    monkeypatch.setattr("app.session.model_in_use.FIT_SECONDS", 0.1)
     (tmp_path / "m.toml").write_text(BAD_MODEL.format(stiffness="221.4"))
     command = ["--replay", str(_meta(good)), "--no-diagnose", "--model", str(tmp_path / "m.toml"), "--foretell"]
     try:

@@ -9,7 +9,7 @@ from analysis.collision.effects import effects_named
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Air, Setup
 from analysis.shot.shot import PlotNote
-from analysis.uncertainty import band_of
+from analysis.uncertainty import noise_band_of_shot
 from app.report import diagnosis_section as of_diagnosis
 from app.report import session_section as of_session
 from app.report import shot_figures
@@ -78,7 +78,7 @@ def test_residuals_have_their_unit_and_a_band_of_two_standard_deviations(drawn) 
     noted = replace(ONE, plot_notes=(note, replace(note, plot="gap", y=3e-6)))
     shot_figures.figures(noted)
     plots, *_ = drawn["Residual."]
-    noise = band_of(ONE)
+    noise = noise_band_of_shot(ONE)
     expected = (
         ("displacement (nm)", 1e9, ONE.fit.shots[0].residual_m, noise.displacement_m),
         ("velocity (µm/s)", 1e6, MOTION.velocity_m_per_s - OVERLAY.velocity_m_per_s, noise.velocity_m_per_s),
@@ -136,7 +136,7 @@ def test_a_diagnosis_draws_its_first_eight_shots_before_and_after(drawn) -> None
         _same(plot.lines[0], SINCE_TOUCH_MS, 1e9 * (3.0 * part.residual_m), "simulated")
         _same(plot.lines[1], SINCE_TOUCH_MS, 1e9 * part.residual_m, "residual")
         (band,) = plot.bands
-        assert band.half[1000] == pytest.approx(2e9 * band_of(ONE).displacement_m[1000], rel=0.5)
+        assert band.half[1000] == pytest.approx(2e9 * noise_band_of_shot(ONE).displacement_m[1000], rel=0.5)
         assert band.half.min() > 0.0 and plot.zero_line
     drawn.clear()
     diagnosis_section(replace(diagnosis(ONE), fit_before=before, fit_after=after), shots[:3])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.fitted.fitted_shot import with_fit_to_follow
+from analysis.fitted.fitted_shot import with_fit_pending
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.session_files import own_session
@@ -144,7 +144,7 @@ def test_a_note_written_before_the_analysis_came_is_kept_and_else_that_of_the_re
 
 def test_of_two_shots_of_one_name_the_newest_is_meant(tmp_path):
     session = Session()
-    shot = with_fit_to_follow(replace(synthetic.shot("a"), fit=None))
+    shot = with_fit_pending(replace(synthetic.shot("a"), fit=None))
     for _ in range(2):
         session.add(shot)
     assert session.entry_awaiting_fit(synthetic.shot("a")).number == 2

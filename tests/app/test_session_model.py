@@ -13,7 +13,7 @@ from analysis.collision.effects import effects_named
 from analysis.diagnosis import Verdict
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.shot import AnalysisSettings
-from analysis.uncertainty import combined_of
+from analysis.uncertainty import combined_uncertainties
 from app.session.entry import Entry
 from app.session.verdict_basis import VerdictBasis
 from app.window.panels.session_model import FLAGS, NAME, NOTE, VERDICT, SessionModel, TableOrder, ordered, place_of
@@ -117,7 +117,7 @@ def test_numbers_stand_at_the_right_with_their_combined_uncertainty_and_say_what
         assert bool(head & Qt.AlignmentFlag.AlignRight) == (column.number is not None) == (side is not None)
         if column.number is None:
             continue
-        reading, std = column.number.find(shot), combined_of(shot).get(column.number.key)
+        reading, std = column.number.find(shot), combined_uncertainties(shot).get(column.number.key)
         if isinstance(reading, Quantity) and std is not None:
             reading = replace(reading, std=std)
         assert _shown(model, 0, place) == concise_text(reading, column.number.scale) == _shown(model, 0, place, EDIT)

@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtWidgets import QPushButton, QWidget
 
 from analysis.planning.next_shot import Reach
-from analysis.shot.recording import SETUP_CORRECTED, Air, Setup, corrected
+from analysis.shot.recording import SETUP_CORRECTED, Air, Setup, corrected_setup
 from analysis.shot.shot import AnalysisSettings
 from app.session import settings_store
 from app.session.load import load_and_analyse
@@ -147,11 +147,13 @@ def test_what_is_put_right_afterwards_reaches_a_shot_taken_before(tmp_path):
 
     air = {"temperature_c": 21.0, "pressure_pa": 1e5, "humidity_percent": 40.0}
     assert store.change(air) is None
-    rig = corrected(Setup(0.02, wavelength_air_m=632.8e-9, digitizer_bits=8), dict(store.analysis_again().corrections))
+    rig = corrected_setup(
+        Setup(0.02, wavelength_air_m=632.8e-9, digitizer_bits=8), dict(store.analysis_again().corrections)
+    )
     assert (rig.moving_mass_kg, rig.wavelength_air_m, rig.digitizer_bits) == (0.018, None, 8)
     assert rig.wavelength_vacuum_m == 632.991354e-9 and rig.air == Air(21.0, 1e5, 40.0)
     with pytest.raises(KeyError):
-        corrected(rig, {"plate": 1.0})
+        corrected_setup(rig, {"plate": 1.0})
 
 
 def test_a_corrected_mass_scales_the_force_of_a_motion_record_and_is_flagged(tmp_path):

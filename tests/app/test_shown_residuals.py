@@ -7,7 +7,7 @@ import pytest
 
 from analysis.diagnosis.result import Errors
 from analysis.shot.quantity import NotSeen, Quantity
-from analysis.uncertainty import diagnosed_band
+from analysis.uncertainty import diagnosis_band
 from app.report.shot_figures import contact_span_ms, deflection_of
 from app.window.panels.law import LawCurve
 from app.window.panels.numbers import NumbersPanel, wide_words
@@ -38,7 +38,7 @@ def test_a_residual_is_drawn_before_and_after_in_its_own_unit_with_twice_the_ban
     told = _told()
     residuals.show_diagnosis(told, [ONE])
     scales = (1e6, 1e9)
-    band, what = diagnosed_band(told, ONE)
+    band, what = diagnosis_band(told, ONE)
     for curve, shown, scale, factor in zip(residuals.curves, residuals.stack.bands, scales, (800.0, 1.0), strict=True):
         assert curve.samples == pytest.approx(scale * factor * PART.residual_m, rel=1e-9, abs=0.0)
         assert curve.grid == pytest.approx((-60.0, 0.01))

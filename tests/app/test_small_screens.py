@@ -23,7 +23,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from analysis.collision.effects import CATALOGUE, WIDER
+from analysis.collision.effects import CATALOGUE, WIDER_EFFECTS
 from analysis.diagnosis.result import Candidate, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
@@ -50,7 +50,7 @@ SIZES = (SMALLEST, (1366, 768 - 30), (1920, 1080 - 30))
 FULL_HD_AT_150 = (1280, 720 - 30)
 LONG = "2026-03-01_rig-a_paper-plate_run-"
 
-EFFECTS = (*CATALOGUE.values(), *WIDER.values(), *LAWS.values())
+EFFECTS = (*CATALOGUE.values(), *WIDER_EFFECTS.values(), *LAWS.values())
 
 
 class _Nobody:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from PySide6.QtCore import Qt
 
-from analysis.collision.effects import effects_named, named
+from analysis.collision.effects import effect_named, effects_named
 from analysis.diagnosis.result import Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.report.diagnosis_section import diagnosis_section
@@ -71,9 +71,9 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
     page = DiagnosisPresenter(bench, panels, panels)
     try:
         shot = synthetic.shot()
-        bench.model.add("paper", (named("quadratic_drag"),))
-        fit = replace(shot.fit, effects=(named("quadratic_drag"),))
-        settings = replace(shot.settings, effects=(named("quadratic_drag"),))
+        bench.model.add("paper", (effect_named("quadratic_drag"),))
+        fit = replace(shot.fit, effects=(effect_named("quadratic_drag"),))
+        settings = replace(shot.settings, effects=(effect_named("quadratic_drag"),))
         bench.add_shot(replace(shot, path=str(tmp_path / "a.csv"), fit=fit, settings=settings))
         told = replace(_found(("quadratic_drag",)), verdict=Verdict.ADEQUATE, effects=(), fit_after=fit)
         bench._take_diagnosis((1,), told)
@@ -87,7 +87,7 @@ def test_taken_out_of_the_model_an_effect_takes_its_verdict_with_it_here_and_aft
 
         struck, beside, heading = looks()
         assert not struck and beside.endswith("adequate") and "ADEQUATE" in heading and "<s>" not in heading
-        bench.model.remove("paper", named("quadratic_drag"))
+        bench.model.remove("paper", effect_named("quadratic_drag"))
         struck, beside, heading = looks()
         assert struck and "run Diagnose again" in beside and "<s>ADEQUATE</s>" in heading
         again = Session.reopen(path)

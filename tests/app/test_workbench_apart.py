@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.shot.motion import ARRAYS
 from analysis.shot.shot import AnalysisSettings
 from app.session.jobs import Event, EventKind
@@ -54,17 +54,17 @@ def test_shots_are_opened_refitted_and_reported_there(child, recordings_of_bench
         for workbench in (here, there):
             assert workbench.open_paths(recordings_of_bench) == 1
             until(workbench, lambda h: h.kind is EventKind.SHOT)
-            workbench.model.add("paper", (named("quadratic_drag"),))
+            workbench.model.add("paper", (effect_named("quadratic_drag"),))
             until(workbench, lambda h: h.kind is EventKind.CHANGED and h.numbers == (1,))
         ours, theirs = here.session.entries[0].shot, there.session.entries[0].shot
         for name in ARRAYS:
             assert np.array_equal(getattr(theirs.motion, name), getattr(ours.motion, name), equal_nan=True)
             assert not getattr(theirs.motion, name).flags.writeable
-        assert theirs.fit.effects == ours.fit.effects == (named("quadratic_drag"),)
+        assert theirs.fit.effects == ours.fit.effects == (effect_named("quadratic_drag"),)
         assert theirs.fit.reduced_chi2 == ours.fit.reduced_chi2
         # What `--replay --model FILE` says of this shot is what the window says after the effect is added.
         replayed = load_and_analyse(
-            recordings_of_bench[0], settings=AnalysisSettings(effects=(named("quadratic_drag"),))
+            recordings_of_bench[0], settings=AnalysisSettings(effects=(effect_named("quadratic_drag"),))
         )
         for shot in (ours, theirs):
             assert (shot.impact, shot.flags, shot.settings) == (replayed.impact, replayed.flags, replayed.settings)

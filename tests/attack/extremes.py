@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from analysis.collision import general
-from analysis.collision.laws.own import LawError, from_mapping, known_effect
+from analysis.collision.laws.user_law import LawError, known_effect, law_from_table
 from analysis.collision.parameters import PAPER
 from analysis.diagnosis.model_file import from_text
 from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
 from analysis.diagnosis.wording import prediction_words
-from analysis.fitted.fit_time import run_in_time
+from analysis.fitted.fit_time import run_with_time_limit
 from analysis.inference.fit.free_parameters import trial_effects
 from analysis.shot.shot import AnalysisError, AnalysisSettings
 from app.session.load import load_and_analyse
@@ -144,7 +144,7 @@ def models(folder: Path, random_: random.Random) -> Iterator[Attempt]:
         def attempt(text: str = text) -> str:
             try:
                 known = from_text(text)
-                predicted = run_in_time(lambda: evaluate_predictions([motion], ["s"], known), 3.0)
+                predicted = run_with_time_limit(lambda: evaluate_predictions([motion], ["s"], known), 3.0)
             except AnalysisError as error:
                 return refused_in_a_line(str(error))
             said = prediction_words(predicted)
@@ -180,12 +180,12 @@ def laws(folder: Path, random_: random.Random) -> Iterator[Attempt]:
 
         def attempt(table: dict[str, Any] = table) -> str:
             try:
-                law = from_mapping(table)
+                law = law_from_table(table)
             except LawError as error:
                 return refused_in_a_line(str(error))
             assert known_effect(law.key) == law, "does not survive its own file"
             try:
-                active = general.Active(law, (law.parameters[0].tried[0],))
+                active = general.ActiveEffect(law, (law.parameters[0].tried[0],))
                 general.solve(PAPER, [active], times, directions=[0, 2])
             except ArithmeticError as error:  # no trajectory: a search turns back there
                 assert "division" not in str(error), error

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import hilbert
 
 from analysis.pipeline import analyse
-from analysis.shot.consistency import concerning
+from analysis.shot.consistency import flags_affecting
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Recording
 from analysis.shot.shot import AnalysisSettings
@@ -61,7 +61,7 @@ def _looked_at(recording: Recording, truth: dict[str, float], *, refused: bool) 
     assert not refused, "taken for a sound shot"
     for name, true in truth.items():
         read = getattr(shot.impact, name)
-        if not isinstance(read, Quantity) or concerning(name, shot.flags):
+        if not isinstance(read, Quantity) or flags_affecting(name, shot.flags):
             continue
         off = abs(read.value - true)
         assert off <= SIGMAS * read.std + SHARE * abs(true) or shot.flags, f"{name} is {read}, not {true:g}, unsaid"

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.shot.consistency import concerning
+from analysis.shot.consistency import flags_affecting
 from tests.benchmarks.coverage_shots import CONDITIONS, SITES
 
 BEGIN, END = "<!-- coverage: begin -->", "<!-- coverage: end -->"
@@ -70,7 +70,7 @@ def faults(outcomes: Sequence[Outcome]) -> list[str]:
 
 def excused(outcome: Outcome, name: str) -> bool:
     """Return whether a flag that is about this number tells that it cannot be trusted."""
-    said = concerning(name.removeprefix("fit."), tuple(outcome["flags"]))
+    said = flags_affecting(name.removeprefix("fit."), tuple(outcome["flags"]))
     return any(flag not in NO_EXCUSE for flag in said)
 
 

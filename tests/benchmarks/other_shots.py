@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import effects_named, named
-from analysis.collision.effects.row import Acts, Sensed
+from analysis.collision.effects import effect_named, effects_named
+from analysis.collision.effects.row import Acts, SensorInput
 from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import Samples
@@ -71,8 +71,8 @@ def row(true: str, rival: str, seed: int) -> Row | None:
     motions = [as_motion(record) for record in records(truth)]
     given = fit_shots(motions, effects=(true,))
     open_class = compare_models(given, effects_named((true, rival)), motions)
-    fine = refit_diagnosed(given, motions, _calm, (named("cyclic_error"),))
-    finely = rivals(fine, named(true), [named(rival)], _calm)
+    fine = refit_diagnosed(given, motions, _calm, (effect_named("cyclic_error"),))
+    finely = rivals(fine, effect_named(true), [effect_named(rival)], _calm)
     if open_class is None or not finely:
         return None
     a, b = (next(m for m in open_class.members if m.effect.name == name) for name in (true, rival))
@@ -112,7 +112,7 @@ def _of_the_plate(fitted: Fitted) -> list[int]:
     for place in fitted.problem.shared:
         name = fitted.problem.names[place][0]
         effect = name.partition(".")[0] if "." in name else ""
-        if name in _PLATE or (effect and named(effect).acts is Acts.ON_PLATE):
+        if name in _PLATE or (effect and effect_named(effect).acts is Acts.ON_PLATE):
             out.append(place)
     return out
 
@@ -144,7 +144,7 @@ def _sensed(fitted: Fitted, like: Samples) -> tuple[Floats, Floats, Floats]:
                 if "phase_rad" in of:
                     of["phase_rad"] += turn
                 p = np.array([[of[one.name]] for one in effect.parameters])
-                out = effect.sensor(Sensed(time_s, np.zeros_like(time_s), 6.33e-7, 1 / like.spacing_s), out, p)
+                out = effect.sensor(SensorInput(time_s, np.zeros_like(time_s), 6.33e-7, 1 / like.spacing_s), out, p)
         return np.asarray(out[:, 0])
 
     here = seen(fitted.z)

@@ -58,7 +58,7 @@ def main() -> int:
     for name, effect in CATALOGUE.items():
         if effect.kernel is None:
             continue
-        active = [general.Active(effect, tuple(p.scale for p in effect.parameters))]
+        active = [general.ActiveEffect(effect, tuple(p.scale for p in effect.parameters))]
         directions = [0, 1, 2, 3, 4, *(general.direction(0, place) for place in range(len(effect.parameters)))]
         bare, full = _seconds(
             lambda active=active: general.solve(PAPER, active, TIME_S),

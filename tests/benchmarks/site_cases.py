@@ -13,7 +13,7 @@ from analysis.inference.fit.samples import Samples, averaged_shots
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import Sway, frame_response_of
-from analysis.shot.impact import Shaking
+from analysis.shot.impact import VibrationSpectrum
 from analysis.shot.motion import Motion
 from instrument.bench.effects import CATALOGUE
 from instrument.bench.frame import HIGHEST_HZ, LOWEST_HZ, density_m2_per_hz
@@ -120,12 +120,14 @@ def norms(truth: Truth) -> float:
 def _sway(truth: Truth, index: int, shot: Samples) -> Sway:
     """Return what the true site may do to a shot."""
     frequency = np.arange(LOWEST_HZ + 0.5 * _APART_HZ, HIGHEST_HZ, _APART_HZ)
-    floor = Shaking(frequency, density_m2_per_hz(truth.site, frequency) * _APART_HZ, np.ones(frequency.size, np.bool_))
+    floor = VibrationSpectrum(
+        frequency, density_m2_per_hz(truth.site, frequency) * _APART_HZ, np.ones(frequency.size, np.bool_)
+    )
     lines = truth.site.lines
     at, power = [line.frequency_hz for line in lines], [0.5 * line.amplitude_m**2 for line in lines]
     known = np.arange(frequency.size + len(lines)) < frequency.size
-    shaking = Shaking(np.append(floor.frequency_hz, at), np.append(floor.power_m2, power), known)
-    site = Site(shaking, np.zeros(known.size, np.int64), 1)
+    vibration = VibrationSpectrum(np.append(floor.frequency_hz, at), np.append(floor.power_m2, power), known)
+    site = Site(vibration, np.zeros(known.size, np.int64), 1)
     base = base_named("paper")
     shared = np.array([getattr(truth.bodies, name) for name in base.names])
     own = np.array([-truth.speeds_m_per_s[index], truth.take(index).before_touch_s, 0.0])

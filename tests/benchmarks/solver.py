@@ -35,7 +35,7 @@ def tasks() -> dict[str, Callable[[], object]]:
     }
     for name in ("coulomb_friction", "second_plate_mode", "adhesion", "cubic_stiffness", "contact_exponent"):
         row = CATALOGUE[name]
-        active = [general.Active(row, tuple(p.scale for p in row.parameters))]
+        active = [general.ActiveEffect(row, tuple(p.scale for p in row.parameters))]
         by = [0, 1, 2, 3, 4, *(general.direction(0, place) for place in range(len(row.parameters)))]
 
         def solve(active: object = active, by: object = (), block: int = 1) -> object:

@@ -4,7 +4,7 @@ import threading
 
 import pytest
 
-from analysis.fitted.fitted_shot import awaits_fit
+from analysis.fitted.fitted_shot import fit_pending
 from analysis.pipeline import analyse, fitted, read
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled
 from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis, fit_here
@@ -33,7 +33,7 @@ def analyst(told):
 
         def done(key, shot, problem):
             told.append((key, shot, problem))
-            if shot is None or not awaits_fit(shot):
+            if shot is None or not fit_pending(shot):
                 ended.set()
 
         begun = AnalysisThread(ShotAnalysis(lambda recording, progress, cancelled: read(recording), fit, 4), done)
@@ -47,10 +47,10 @@ def analyst(told):
 
 def test_the_two_steps_give_what_the_whole_road_gives(recording):
     first = read(recording)
-    assert awaits_fit(first) and first.fit is None and first.impact is not None
+    assert fit_pending(first) and first.fit is None and first.impact is not None
     assert "still to come" in first.impact.cor_kinetic.contact.reason
     last, whole = fitted(first), analyse(recording)
-    assert last.fit is not None and not awaits_fit(last)
+    assert last.fit is not None and not fit_pending(last)
     assert repr(last.impact) == repr(whole.impact)
     assert last.flags == whole.flags
     assert repr(last.fit.parameters) == repr(whole.fit.parameters)
@@ -58,7 +58,7 @@ def test_the_two_steps_give_what_the_whole_road_gives(recording):
 
 def test_where_no_fit_is_wanted_none_is_awaited(recording):
     shot = read(recording, AnalysisSettings(fit=False))
-    assert not awaits_fit(shot) and fitted(shot).flags == shot.flags
+    assert not fit_pending(shot) and fitted(shot).flags == shot.flags
 
 
 def test_readings_are_told_while_the_fit_is_under_way(recording, analyst, told):
@@ -72,7 +72,7 @@ def test_readings_are_told_while_the_fit_is_under_way(recording, analyst, told):
     assert begun.submit(7, recording)
     while not told:
         assert not ended.wait(0.01)
-    assert [(key, problem) for key, _, problem in told] == [(7, None)] and awaits_fit(told[0][1])
+    assert [(key, problem) for key, _, problem in told] == [(7, None)] and fit_pending(told[0][1])
     assert begun.doing is not None  # the analysis goes on
     go_on.set()
     assert ended.wait(LONGEST_S)
@@ -92,7 +92,7 @@ def test_a_fit_that_does_not_come_leaves_the_readings_and_says_why(recording, an
     assert ended.wait(LONGEST_S)
     shot = told[-1][1]
     assert shot.impact.velocity_in_m_per_s == told[0][1].impact.velocity_in_m_per_s
-    assert "fit_failed" in shot.flags and not awaits_fit(shot)
+    assert "fit_failed" in shot.flags and not fit_pending(shot)
     assert why in shot.fit_problem and told[-1][2] is None
 
 

@@ -60,7 +60,7 @@ def test_without_an_analysis_a_shot_is_finished_when_it_is_recorded_and_the_newe
 def test_an_analysed_shot_comes_with_its_readings_then_under_the_same_index_with_its_fit(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(finished_shots, "awaits_fit", lambda shot: shot.endswith("?"))
+    monkeypatch.setattr(finished_shots, "fit_pending", lambda shot: shot.endswith("?"))
     finished = FinishedShots(None, print)
     finished.analysis = analysis = Analysis(3)  # type: ignore[assignment]
     numbers = [

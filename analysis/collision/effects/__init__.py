@@ -9,23 +9,24 @@ CATALOGUE: Mapping[str, Effect] = {
     row.name: row for rows in (on_block.ROWS, on_plate.ROWS, in_contact.ROWS, on_sensor.ROWS) for row in rows
 }
 NUISANCES: Mapping[str, Effect] = {row.name: row for row in on_block.NUISANCES}  # fitted per shot, and never a finding
-WIDER: Mapping[str, Effect] = {row.name: row for row in on_sensor.WIDER}  # tried if the effect they widen was found
-MOST_AT_ONCE = 3
+# tried if the effect they widen was found
+WIDER_EFFECTS: Mapping[str, Effect] = {row.name: row for row in on_sensor.WIDER_EFFECTS}
+MAX_EFFECTS = 3
 _ON_SENSOR = tuple(
     one
     for row in CATALOGUE.values()
     if row.sensor is not None
-    for one in (row, *(wider for wider in WIDER.values() if wider.widens == row.name))
+    for one in (row, *(wider for wider in WIDER_EFFECTS.values() if wider.widens == row.name))
 )
 
 
-def findings(effects: Iterable[Effect]) -> tuple[Effect, ...]:
+def without_nuisances(effects: Iterable[Effect]) -> tuple[Effect, ...]:
     """Return those effects that a diagnosis may report as findings: all except the nuisances."""
     nuisances = set(NUISANCES.values())
     return tuple(effect for effect in effects if effect not in nuisances)
 
 
-def sensors(effects: Iterable[Effect]) -> list[Effect]:
+def sensor_effects(effects: Iterable[Effect]) -> list[Effect]:
     """Return those effects that act on the measured path, in the order in which they act.
 
     The cyclic error comes last, because it depends on the path that already includes lag and vibration.
@@ -34,9 +35,9 @@ def sensors(effects: Iterable[Effect]) -> list[Effect]:
     return [row for row in _ON_SENSOR if row in wanted]
 
 
-def named(name: str) -> Effect:
+def effect_named(name: str) -> Effect:
     """Return the effect called ``name`` in the catalogue.  Raises ValueError."""
-    for rows in (CATALOGUE, NUISANCES, WIDER):
+    for rows in (CATALOGUE, NUISANCES, WIDER_EFFECTS):
         if name in rows:
             return rows[name]
     raise ValueError(f"no effect is called {name!r}; there are {', '.join(CATALOGUE)}")
@@ -44,4 +45,4 @@ def named(name: str) -> Effect:
 
 def effects_named(effects: Iterable[Effect | str]) -> tuple[Effect, ...]:
     """Return effects, after looking up those that a script gives by catalogue name.  Raises ValueError."""
-    return tuple(named(effect) if isinstance(effect, str) else effect for effect in effects)
+    return tuple(effect_named(effect) if isinstance(effect, str) else effect for effect in effects)

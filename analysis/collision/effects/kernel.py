@@ -38,7 +38,7 @@ Q_RATE, W_RATE = 3, 4  # d/dt of the hidden state
 MASS = 5  # added to the block's inertia in kg
 OUTPUTS = 6
 
-WRITTEN = "law"  # file name of generated functions; their names are digests of their text
+GENERATED = "law"  # file name of generated functions; their names are digests of their text
 
 Kernel = Callable[[Any, Any, Any], None]
 
@@ -57,7 +57,7 @@ def _compiled_once(function: Kernel, number: Any) -> Any:
     pointer = types.CPointer(number)  # type: ignore[no-untyped-call]
     # a function defined at a prompt has no file, and cannot be cached
     source = function.__code__.co_filename
-    options: Any = {"cache": source == WRITTEN or Path(source).is_file(), "error_model": "numpy"}
+    options: Any = {"cache": source == GENERATED or Path(source).is_file(), "error_model": "numpy"}
     return cfunc(types.void(pointer, pointer, pointer), **options)(function)
 
 

@@ -129,7 +129,7 @@ ROWS = (
         "mass_kg",
         block_mode,
         hidden=2,
-        rides=True,
+        moves_with_block=True,
         fastest=second_as_frequency,
     ),
 )

@@ -11,15 +11,15 @@ import numpy as np
 from numba import njit
 
 from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
-from analysis.collision.effects.row import Acts, Effect, Parameter, Sensed, frequencies
+from analysis.collision.effects.row import Acts, Effect, Parameter, SensorInput, frequencies
 from analysis.collision.parameters import Collision, Floats
 
 _PLATE_QUALITY = 1e4  # only keeps a resonance finite, because the base model's plate has no damping
 _CHIRP_PASSES, _CHIRP_STOPS = 0.38, 0.66  # pass band and stop band of the decimator, as shares of the record's rate
-_ROUNDS = 4  # iterations that remove the cyclic error from the path: one of 5 nm is then known to 0.01 nm
+_ITERATIONS = 4  # iterations that remove the cyclic error from the path: one of 5 nm is then known to 0.01 nm
 
 
-def sensor_drift(seen: Sensed, x: Any, p: Any) -> Any:
+def sensor_drift(seen: SensorInput, x: Any, p: Any) -> Any:
     """Measure v + b t, that is x + b t^2 / 2; p = (b in m/s^2), t from the recording's first sample.
 
     Caused by drift of the laser frequency or of the optical path.
@@ -27,7 +27,7 @@ def sensor_drift(seen: Sensed, x: Any, p: Any) -> Any:
     return x + 0.5 * p[0] * (seen.time_s - seen.time_s[0])[:, None] ** 2
 
 
-def demodulation_lag(seen: Sensed, x: Any, p: Any) -> Any:
+def demodulation_lag(seen: SensorInput, x: Any, p: Any) -> Any:
     """Measure x_m with tau x_m' = x - x_m; p = (tau in s).  A first-order low-pass in the optics' electronics.
 
     Solved exactly for a velocity that is linear between samples, starting from steady flight.  A pure delay has no
@@ -58,7 +58,7 @@ def _lag(time_s, x, v, lag, out):  # type: ignore[no-untyped-def]
             out[i, k] = behind
 
 
-def frame_vibration(seen: Sensed, x: Any, p: Any) -> Any:
+def frame_vibration(seen: SensorInput, x: Any, p: Any) -> Any:
     """Measure v + A sin(omega t + phi); p = (A in m/s, f in Hz, phi in rad at time zero).  The frame vibrates."""
     omega = 2 * math.pi * p[1]
     return x - p[0] / omega * np.cos(omega * seen.time_s[:, None] + p[2])
@@ -107,7 +107,7 @@ def vibration_with_plate_from_wave(frequency_hz: float, cosine_and_sine_m: Float
     return [{**values, "plate_factor": 0.5} for values in vibration_from_wave(frequency_hz, cosine_and_sine_m)]
 
 
-def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
+def cyclic_error(seen: SensorInput, x: Any, p: Any) -> Any:
     """Measure x - s arg(1 - A/s e^(i u)), s = lambda / (4 pi), u = n x / s + phi; p = (A in m, n, phi in rad).
 
     Polarisation leakage (Wu and Deslattes, Appl. Opt. 37 (1998) 6696), A sin u to first order.  The demodulator passes
@@ -128,7 +128,7 @@ def cyclic_error(seen: Sensed, x: Any, p: Any) -> Any:
         return x + error_at(x)
     measured_m = np.where(np.isfinite(seen.measured_m), seen.measured_m, x[:, 0].real)[:, None]
     error: Any = 0.0
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         error = error_at(measured_m - error)
     return x + error
 
@@ -163,9 +163,9 @@ ROWS = (
         (Parameter("time_s", "s", 1e-5, lower=2e-7, upper=5e-4, logarithmic=True),),
         "time_s",
         sensor=demodulation_lag,
-        grows_as=2.0,  # the touch time absorbs a pure delay
-        delays="time_s",
-        remembers=True,
+        response_power=2.0,  # the touch time absorbs a pure delay
+        delay_parameter="time_s",
+        has_memory=True,
     ),
     Effect(
         "frame_vibration",
@@ -189,11 +189,11 @@ ROWS = (
         "amplitude_m",
         sensor=cyclic_error,
         optical=True,
-        ripples=True,
+        needs_full_rate=True,
     ),
 )
 
-WIDER = (
+WIDER_EFFECTS = (
     Effect(
         "frame_vibration_with_plate",
         "a vibration of the frame and the plate on it",

@@ -64,7 +64,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Sensed:
+class SensorInput:
     """The inputs of a sensor effect: times on the recording's clock, the block's velocity, the optics.
 
     ``rate_hz`` is the rate of the demodulated record, which may have more samples than ``time_s``, shape (n,).
@@ -78,7 +78,7 @@ class Sensed:
     measured_m: Floats | None = None
 
 
-Sensor = Callable[[Sensed, Any, Any], Any]
+Sensor = Callable[[SensorInput, Any, Any], Any]
 Rate = Callable[[Floats, Collision], float]
 Clocked = Callable[[Any, Any, Any, Any], tuple[Any, Any, Any]]  # (values, k_p, m_p, time in s) -> the kernel's three
 Wave = Callable[[float, Floats], list[dict[str, float]]]  # (frequency in Hz, cosine and sine per shot in m) -> values
@@ -110,7 +110,8 @@ class Effect:
     parameter grows.  ``kernel`` is the mechanical function; ``sensor`` is the function of a sensor effect on the
     displacement, shape (n, k).  ``locked`` replaces the kernel, between the two bodies, if the base model is one body
     on a contact (without it, an effect on the plate cannot act there).  ``hidden`` is the number of hidden states; they
-    move the contact point by ``shift`` times the first of them; ``rides``: before the touch they move with the block.
+    move the contact point by ``shift`` times the first of them; ``moves_with_block``: before the touch they move with
+    the block.
 
     The solver chooses its steps by ``fastest``, the effect's fastest rate in rad/s for its values and the collision, by
     ``stiffens``, the factor by which it may raise the contact's stiffness, and by ``rough``: its law is not smooth at
@@ -118,11 +119,12 @@ class Effect:
     parameters from the values, the plate's stiffness and mass, and the time at which the bodies meet (all may be
     complex); the second is the rate of the hidden state at that time.
 
-    For the search: ``grows_as`` is the power of the amplitude with which a small effect grows.  ``delays`` names the
-    parameter that is a delay of the measurement; ``in_series`` names the compliance and the frequency of a spring in
-    series with the plate's.  ``wave`` computes the values of a sensor's wave from its cosine and sine in every shot.
-    ``widens`` names the simpler effect that this one extends; this one is tried only if the simpler one was found.
-    ``ripples``: visible only at the record's own rate; ``at_rest``: visible in a record without a collision.
+    For the search: ``response_power`` is the power of the amplitude with which a small effect grows.
+    ``delay_parameter`` names the parameter that is a delay of the measurement; ``in_series`` names the compliance and
+    the frequency of a spring in series with the plate's.  ``wave`` computes the values of a sensor's wave from its
+    cosine and sine in every shot.  ``widens`` names the simpler effect that this one extends; this one is tried only if
+    the simpler one was found.  ``needs_full_rate``: visible only at the record's own rate; ``at_rest``: visible in a
+    record without a collision.
     """
 
     name: str
@@ -134,21 +136,21 @@ class Effect:
     sensor: Sensor | None = None
     hidden: int = 0
     shift: float = 0.0
-    rides: bool = False
+    moves_with_block: bool = False
     rough: bool = False
     nonlinear: bool = False  # in the state; no linearity check, whose test states may give no force
     kinked: bool = False  # has corners or steps that are not events
     range_at: int = -1  # index of the parameter that is the range of the effect
     inverse: bool = False
-    remembers: bool = False  # the measurement depends on earlier displacements
+    has_memory: bool = False  # the measurement depends on earlier displacements
     optical: bool = False  # applies only to a measurement with light of known wavelength
-    grows_as: float = 1.0
-    delays: str = ""
+    response_power: float = 1.0
+    delay_parameter: str = ""
     in_series: tuple[str, str] | None = None
     wave: Wave | None = None
     clocked: Clocked | None = None
     widens: str = ""
-    ripples: bool = False
+    needs_full_rate: bool = False
     at_rest: bool = False
     fastest: Rate = no_rate
     stiffens: Rate = no_factor

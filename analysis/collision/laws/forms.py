@@ -11,7 +11,7 @@ import numpy as np
 
 from analysis.collision.laws.arguments import Argument
 from analysis.collision.laws.formula import STATE, Formula, read
-from analysis.collision.laws.own import OwnLaw, from_mapping
+from analysis.collision.laws.user_law import UserLaw, law_from_table
 from analysis.collision.parameters import Floats
 
 
@@ -27,7 +27,7 @@ class Form:
     lengths: tuple[str, ...] = ()
     positive: tuple[str, ...] = ()
     powers: tuple[str, ...] = ()
-    grows_as: int | str = 0  # power of the argument that ``a`` multiplies: a number, or a parameter's name
+    argument_power: int | str = 0  # power of the argument that ``a`` multiplies: a number, or a parameter's name
 
     @property
     def nonlinear_parameters(self) -> tuple[str, ...]:
@@ -67,7 +67,7 @@ class Form:
         count = 5 if not widths else max(5, min(50, math.ceil((high - low) / min(widths.values()))))
         return [low + (high - low) * (k + 0.5) / count for k in range(count)]
 
-    def law(self, argument: Argument, parameters: Mapping[str, float], span: float) -> OwnLaw:
+    def law(self, argument: Argument, parameters: Mapping[str, float], span: float) -> UserLaw:
         """Return the form as a law for the exact solver, with these parameter values as its start."""
         table = {}
         for name in ("a", *self.nonlinear_parameters):
@@ -86,31 +86,31 @@ class Form:
             if self.name == "constant"
             else f"a force as a function of {argument.name}, {self.name}"
         )
-        return from_mapping(
+        return law_from_table(
             {"name": name, "words": words, "where": argument.where, "formula": text, "parameters": table}
         )
 
     def _unit(self, name: str, argument: Argument) -> str:
         if name != "a":
             return argument.unit if name in self.lengths else ""
-        if isinstance(self.grows_as, str):
-            return f"N per (argument)^{self.grows_as}"
+        if isinstance(self.argument_power, str):
+            return f"N per (argument)^{self.argument_power}"
         of_factor = " s/m" if argument.factor in ("v", "u", "d_rate") else ""
-        if self.grows_as == 0:
+        if self.argument_power == 0:
             return f"N{of_factor}"
-        power = ("", "", "²", "³")[self.grows_as]
+        power = ("", "", "²", "³")[self.argument_power]
         by_argument = {"m": f"/m{power}", "m/s": f" s{power}/m{power}"}[argument.unit]
         return f"N{by_argument}{of_factor}"
 
 
 FORMS: tuple[Form, ...] = (
     Form("constant", "a"),
-    Form("linear", "a*{z}", grows_as=1),
-    Form("quadratic", "a*{z}**2", grows_as=2),
-    Form("quadratic, odd", "a*{z}*abs({z})", grows_as=2),
-    Form("cubic", "a*{z}**3", grows_as=3),
-    Form("power", "a*abs({z})**n", powers=("n",), grows_as="n"),
-    Form("power, odd", "a*sign({z})*abs({z})**n", powers=("n",), grows_as="n"),
+    Form("linear", "a*{z}", argument_power=1),
+    Form("quadratic", "a*{z}**2", argument_power=2),
+    Form("quadratic, odd", "a*{z}*abs({z})", argument_power=2),
+    Form("cubic", "a*{z}**3", argument_power=3),
+    Form("power", "a*abs({z})**n", powers=("n",), argument_power="n"),
+    Form("power, odd", "a*sign({z})*abs({z})**n", powers=("n",), argument_power="n"),
     Form("exponential", "a*exp(-abs({z})/b)", ("b",), ("b",)),
     Form("rising exponential", "a*exp({z}/b)", ("b",), ("b",)),
     Form("falling exponential", "a*exp(-{z}/b)", ("b",), ("b",)),
@@ -125,6 +125,6 @@ FORMS: tuple[Form, ...] = (
     Form("tanh", "a*tanh({z}/b)", ("b",), ("b",)),
     Form("saturating", "a*{z}/(abs({z}) + b)", ("b",), ("b",)),
     Form("sine", "a*sin({z}/b + c)", ("b",), ("b",), ("c",)),
-    Form("hinge", "a*max(0, {z} - c)", ("c",), grows_as=1),
-    Form("hinge below", "a*max(0, c - {z})", ("c",), grows_as=1),
+    Form("hinge", "a*max(0, {z} - c)", ("c",), argument_power=1),
+    Form("hinge below", "a*max(0, c - {z})", ("c",), argument_power=1),
 )

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from analysis.collision.effects.kernel import Q_RATE, SIGN_V, TOUCHING, WRITTEN, XI, XI_RATE, Kernel, Q, U, V, X, Y
+from analysis.collision.effects.kernel import GENERATED, Q_RATE, SIGN_V, TOUCHING, XI, XI_RATE, Kernel, Q, U, V, X, Y
 from analysis.collision.laws.functions import FUNCTIONS, positive_power, positive_power_of_arrays, quotient, whole_power
 
-LONGEST = 400  # characters
-_DEEPEST = 40
-_GREATEST_POWER = 12  # largest integer exponent that is evaluated as a product
+MAX_CHARACTERS = 400
+_MAX_DEPTH = 40
+_MAX_POWER = 12  # largest integer exponent that is evaluated as a product
 
 TIME = "t"  # time since the first touch: a hidden state of rate one
 STATE = {"x": X, "v": V, "y": Y, "u": U, "d": XI, "d_rate": XI_RATE, TIME: Q}
@@ -72,7 +72,7 @@ def read(text: str, parameters: Sequence[str]) -> Formula:
             raise FormulaError(f"a parameter cannot be called {name!r}: the word is taken")
     tree = _tree(text)
     named: set[str] = set()
-    _look(tree, frozenset(parameters), named, 0)
+    _check_node(tree, frozenset(parameters), named, 0)
     unused = [name for name in parameters if name not in named]
     if unused:
         raise FormulaError(f"the parameter {unused[0]!r} is not in the formula")
@@ -95,15 +95,15 @@ def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> K
     names: dict[str, Any] = {f.kernel.__name__: f.kernel for f in FUNCTIONS.values()} | {"__name__": __name__}
     names |= {helper.__name__: helper for helper in (positive_power, whole_power, quotient)}
     # the executed text was generated above, node by node, from whitelisted nodes
-    exec(compile(f"def {name}{body}", WRITTEN, "exec"), names)
+    exec(compile(f"def {name}{body}", GENERATED, "exec"), names)
     law: Kernel = names[name]
     return law
 
 
 @cache
 def _tree(text: str) -> ast.expr:
-    if len(text) > LONGEST:
-        raise FormulaError(f"longer than {LONGEST} characters")
+    if len(text) > MAX_CHARACTERS:
+        raise FormulaError(f"longer than {MAX_CHARACTERS} characters")
     if not text.strip():
         raise FormulaError("empty")
     if "\n" in text.strip() or "\0" in text:
@@ -119,10 +119,10 @@ def _tree(text: str) -> ast.expr:
         raise FormulaError("nested too deep") from None
 
 
-def _look(node: ast.expr, parameters: frozenset[str], named: set[str], depth: int) -> None:
+def _check_node(node: ast.expr, parameters: frozenset[str], named: set[str], depth: int) -> None:
     """Check every node.  Raises FormulaError for the first node that is not allowed."""
     column = node.col_offset + 1
-    if depth > _DEEPEST:
+    if depth > _MAX_DEPTH:
         raise FormulaError("nested too deep", column)
     below: list[ast.expr] = []
     match node:
@@ -150,7 +150,7 @@ def _look(node: ast.expr, parameters: frozenset[str], named: set[str], depth: in
         case _:
             raise FormulaError("only numbers, names, + - * / ** and functions are for formulas", column)
     for child in below:
-        _look(child, parameters, named, depth + 1)
+        _check_node(child, parameters, named, depth + 1)
 
 
 def _degree(node: ast.expr) -> int:
@@ -191,7 +191,7 @@ def _whole(node: ast.expr) -> int | None:
         node, sign = node.operand, -1
     if isinstance(node, ast.Constant) and isinstance(node.value, int | float):
         value = float(node.value)
-        if value == int(value) and 1 <= value <= _GREATEST_POWER:
+        if value == int(value) and 1 <= value <= _MAX_POWER:
             return sign * int(value)
     return None
 
@@ -223,7 +223,7 @@ def _written(node: ast.expr, parameters: tuple[str, ...]) -> str:
                 return f"s[{SIGN_V}].real" if name == "sign" else f"(s[{V}] * s[{SIGN_V}].real)"
             inside = ", ".join(_written(a, parameters) for a in arguments)
             return f"{FUNCTIONS[name].kernel.__name__}({inside})"
-    raise AssertionError(ast.dump(node))  # ``_look`` allows no other node
+    raise AssertionError(ast.dump(node))  # ``_check_node`` allows no other node
 
 
 def _on_arrays(node: ast.expr, names: Mapping[str, Any]) -> Any:

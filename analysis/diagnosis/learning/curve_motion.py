@@ -19,7 +19,7 @@ from analysis.collision import (
     Effect,
     Infeasible,
     LinearPath,
-    along,
+    first_order_change,
     visited_range,
 )
 from analysis.compiled import side_by_side
@@ -134,7 +134,7 @@ def _columns(term: Term, row: Effect, path: Path, samples: int) -> Floats:
     parameters = np.zeros((term.basis.count, 3))
     parameters[:, 0] = 1.0
     parameters[:, 1] = [member.address for member in term.basis.members]
-    added = along(path[0], row, path[1], parameters, samples)
+    added = first_order_change(path[0], row, path[1], parameters, samples)
     if added is None:
         raise Infeasible("a law that cannot be followed to first order")
     return added

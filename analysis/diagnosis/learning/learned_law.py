@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.collision import Argument, OwnLaw
+from analysis.collision import Argument, UserLaw
 from analysis.diagnosis.learning.closed_forms import Fitting, gauge, information
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.diagnosis.result import LearnedLaw, OtherForm
@@ -36,10 +36,10 @@ class FormFit:
         return self.fitted.bic
 
     @property
-    def law(self) -> OwnLaw:
+    def law(self) -> UserLaw:
         """Get the law in the model."""
         law = self.fitted.effects[self.place]
-        assert isinstance(law, OwnLaw)
+        assert isinstance(law, UserLaw)
         return law
 
     def values(self) -> dict[str, float]:
@@ -105,7 +105,7 @@ def in_joint_fit(law: LearnedLaw, beside: Fitted, named: bool) -> LearnedLaw:
     return replace(law, form=law.nearest_form, formula=formula, parameters=_parameters(law.effect, beside))
 
 
-def _parameters(law: OwnLaw, fitted: Fitted) -> dict[str, tuple[Quantity, str]]:
+def _parameters(law: UserLaw, fitted: Fitted) -> dict[str, tuple[Quantity, str]]:
     values = fitted.point.values[0][law]
     std = fitted.with_marginal_covariance().std
     places = {

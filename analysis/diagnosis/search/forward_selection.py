@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TypeVar
 
-from analysis.collision import CATALOGUE, WIDER, Effect, Infeasible
+from analysis.collision import CATALOGUE, WIDER_EFFECTS, Effect, Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
@@ -232,7 +232,7 @@ def replace_by_wider(here: Fitted, trail: Trail) -> Fitted:
 
 def wider_fits(here: Fitted, effect: Effect, stop: Stop) -> list[Fitted]:
     """Return the fits with one effect replaced by each of its wider variants, started at its parameters."""
-    rows = [row for row in WIDER.values() if row.widens == effect.key]
+    rows = [row for row in WIDER_EFFECTS.values() if row.widens == effect.key]
     if here.problem.data.base.one_body:
         rows = [row for row in rows if row.one_body]
     found = [_widened(here, effect, trial_effect(row), stop) for row in rows]

@@ -32,7 +32,7 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
 
     All other effects were found at the rate of the averaged samples.
     """
-    ripple = next((kind for kind in trail.catalogue if kind.effect.ripples), None)
+    ripple = next((kind for kind in trail.catalogue if kind.effect.needs_full_rate), None)
     here = best.problem.data
     if ripple is None or ripple.effect in trail.start.effects or any(shot.wavelength_m is None for shot in here.shots):
         return None

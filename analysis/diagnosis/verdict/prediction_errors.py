@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from analysis.collision import Effect, Infeasible, findings
+from analysis.collision import Effect, Infeasible, without_nuisances
 from analysis.diagnosis.model_file import SavedModel
 from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.residual import errors
@@ -21,9 +21,9 @@ from analysis.shot import (
     Motion,
     Quantity,
     Stop,
+    count_plates,
     names_on_plate,
-    plates_named,
-    stated_n_per_m,
+    stated_stiffness_n_per_m,
 )
 from levimass import is_drive
 
@@ -84,7 +84,7 @@ def evaluate_predictions(
 
 def _on_its_plate(motion: Motion, model: SavedModel, base: Parameters) -> tuple[SavedModel, Parameters]:
     """Return model and base with the parameters of the plate that a shot states, or of the first if it states none."""
-    count, stated = plates_named(model.parameters), stated_n_per_m(motion.plate)
+    count, stated = count_plates(model.parameters), stated_stiffness_n_per_m(motion.plate)
 
     def apart(plate: int) -> float:
         named = names_on_plate(model.parameters, plate)[PLATE_NAMES[0]]
@@ -120,7 +120,7 @@ def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Err
     noise = data.stated_noise
     start = data.shots[0].course.own
     # Nuisance effects that are fitted per shot are fitted under the base model as well.
-    along = trials_of(effect for effect in model.effects if effect not in findings(model.effects))
+    along = trials_of(effect for effect in model.effects if effect not in without_nuisances(model.effects))
     bare = _own_fitted(Problem(data, along, noise), base, start)
     effects = trials_of(model.effects)
     fixed = {kind.effect: kind.fixed_in(kind.starts[0]) for kind in effects}

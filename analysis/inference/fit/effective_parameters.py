@@ -62,7 +62,7 @@ def physical_derivatives(
     """
     out = seen.copy()
     for (effect, parameter), place in at.items():
-        if parameter == effect.delays:
+        if parameter == effect.delay_parameter:
             out[touches] -= seen[place]
     clamp = _clamp(effective.values[0])
     if clamp is not None and (soft := at.get((clamp.effect, clamp.compliance))) is not None:
@@ -109,4 +109,4 @@ def _clamp(values: Values) -> _Clamp | None:
 
 def _delay(values: Values) -> float:
     """Return the delay of the optics in s; the effective touch time stays fixed when the delay changes."""
-    return sum(given[effect.delays] for effect, given in values.items() if effect.delays)
+    return sum(given[effect.delay_parameter] for effect, given in values.items() if effect.delay_parameter)

@@ -59,7 +59,7 @@ def first_fit(
         if site is None:
             return _best_of_searches(JointData(shots, base), starts(first_guesses(base, shots, stop)), noise, stop)
         data = JointData(shots, base, site=site)
-        guessed = cache(lambda: starts(first_guesses(base, shots, stop, site.shaking.rms_m)))  # not always needed
+        guessed = cache(lambda: starts(first_guesses(base, shots, stop, site.vibration.rms_m)))  # not always needed
 
         def candidates() -> Iterator[SearchStart]:
             yield from starts(resembling_candidates(base, shots, _FOLLOWED))

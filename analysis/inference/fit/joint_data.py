@@ -15,7 +15,7 @@ from analysis.inference.noise.floor import Floor, white_by_differences, white_fl
 from analysis.inference.noise.site import BELOW_HZ, Site, site_of
 from analysis.inference.noise.sway import on_site
 from analysis.reading import read_frame_motion
-from analysis.shot import AnalysisError, Floats, Motion, Shaking
+from analysis.shot import AnalysisError, Floats, Motion, VibrationSpectrum
 from analysis.signal import LEAST_NOISE_M
 
 _FEWEST_A_TURN = 10.0  # least samples per period of the fastest frame motion
@@ -75,8 +75,8 @@ def resolves_frame_motion(motion: Motion) -> bool:
 
 
 def frame_motions_of(
-    motions: Sequence[Motion], model: str, known: Sequence[Shaking | None] | None
-) -> tuple[Shaking | None, ...]:
+    motions: Sequence[Motion], model: str, known: Sequence[VibrationSpectrum | None] | None
+) -> tuple[VibrationSpectrum | None, ...]:
     """Return each shot's frame motion, ``known`` or read from its flights; None for all unless it can be included.
 
     It is included in the "paper" model only, at a sufficient sample rate.  Cost of reading: about 0.1 s per shot.
@@ -87,10 +87,10 @@ def frame_motions_of(
 
 
 def site_under(
-    motions: Sequence[Motion], shakings: Sequence[Shaking | None], least_nm: float, *, whole: bool = False
+    motions: Sequence[Motion], vibrations: Sequence[VibrationSpectrum | None], least_nm: float, *, whole: bool = False
 ) -> Site | None:
     """Return the common frame motion of shots with these shakings; arguments as for ``site_of``."""
-    return site_of(shakings, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
+    return site_of(vibrations, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
 
 
 def joint_data(plain: tuple[Samples, ...], begin: SearchStart, site: Site | None) -> JointData:

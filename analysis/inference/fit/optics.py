@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.collision import LinearPath, Sensed, V, X, sensors
+from analysis.collision import LinearPath, SensorInput, V, X, sensor_effects
 from analysis.inference.fit.response import ShotModel
 from analysis.shot import Floats
 
@@ -23,7 +23,7 @@ def change_shown(shot: ShotModel, path: LinearPath, change: Floats) -> Floats:
     x[:], v[:] = path.effect_inputs[0, 0, X], path.effect_inputs[0, 0, V]
     at = path.sample >= 0
     x[path.sample[at]], v[path.sample[at]] = path.effect_inputs[at, 2, X], path.effect_inputs[at, 2, V]
-    remembers = any(effect.remembers for effect in shot.values)
+    remembers = any(effect.has_memory for effect in shot.values)
     moved = np.asarray(x[:, None] + 1j * _STEP * (change if remembers else 1.0), dtype=np.complex128)
     shown = np.asarray(shown_by_optics(shot, moved, v).imag / _STEP)
     return shown if remembers else shown * change
@@ -37,9 +37,9 @@ def shown_by_optics(shot: ShotModel, x: Any, v: Floats) -> Any:
     """
     samples = shot.samples
     wavelength_m = math.nan if samples.wavelength_m is None else samples.wavelength_m
-    sensed = Sensed(samples.centre_s, v, wavelength_m, samples.factor / samples.spacing_s)
+    sensed = SensorInput(samples.centre_s, v, wavelength_m, samples.factor / samples.spacing_s)
     out = x.reshape(x.shape[0], math.prod(x.shape[1:]))
-    for row in sensors(shot.values):
+    for row in sensor_effects(shot.values):
         assert row.sensor is not None
         given = shot.values[row]
         if (row.optical and samples.wavelength_m is None) or given[row.amplitude] == 0.0:

@@ -14,7 +14,7 @@ import numpy as np
 
 from analysis.collision import (
     KERNEL_ORDER,
-    Active,
+    ActiveEffect,
     Acts,
     Collision,
     Effect,
@@ -23,7 +23,7 @@ from analysis.collision import (
     Floats,
     Infeasible,
     LinearPath,
-    Sensed,
+    SensorInput,
     TooManyEvents,
     Trajectory,
     UnboundedMotion,
@@ -34,7 +34,7 @@ from analysis.collision import (
     direction,
     fastest_rates,
     linear_path,
-    sensors,
+    sensor_effects,
     solve,
 )
 from analysis.inference.fit.base import OWN_NAMES, Base
@@ -82,7 +82,7 @@ class ShotModel:
         return self.base.collision(self.shared, self.own[0], mass_kg, (x, v), plate_number)
 
     @cached_property
-    def active(self) -> list[Active]:
+    def active(self) -> list[ActiveEffect]:
         """Get the effects that act on the motion."""
         return active_effects(list(self.values), self.values, self.collision, float(self.own[1]))
 
@@ -141,7 +141,7 @@ def respond(
     wanted = _directions(shot) if derivatives else {}
     # A parameter may enter a kernel through others: those get placeholder names, and the chain rule follows below.
     wanted |= {f"{c.slot} {k}": direction(c.slot, k) for c in chains for k in range(c.slopes.shape[0])}
-    seeing = sensors(shot.values)
+    seeing = sensor_effects(shot.values)
     inner = 1 if seeing else block  # the sensor's effects act on every sample, before averaging
     acting = [at for at in wanted.values() if at is not None]
     run = _solved(shot, time_s, acting, stride, inner)
@@ -210,13 +210,13 @@ def _through_sensor(
     wavelength_m, rate_hz = samples.wavelength_m or _DEFAULT_WAVELENGTH_M, samples.factor / samples.spacing_s
     # an average over several samples does not determine the displacement at each of them
     measured_m = samples.displacement_m if samples.factor == 1 else None
-    seen = Sensed(time_s, velocity_m_per_s, wavelength_m, rate_hz, measured_m)
+    seen = SensorInput(time_s, velocity_m_per_s, wavelength_m, rate_hz, measured_m)
     own = np.zeros((max(3, len(effect.parameters)), 1))
     own[: len(effect.parameters), 0] = [shot.values[effect][p.name] for p in effect.parameters]
     if not columns.shape[1]:
         return np.asarray(effect.sensor(seen, x[:, None], own)[:, 0]), columns
     # An effect without memory multiplies all derivatives at an instant by the same factor.
-    moves = columns if effect.remembers else np.ones((x.size, 1))
+    moves = columns if effect.has_memory else np.ones((x.size, 1))
     count = moves.shape[1]
     full = [f"{effect.key}.{p.name}" for p in effect.parameters]
     moved = [(place, names.index(name)) for place, name in enumerate(full) if name in names]
@@ -228,7 +228,7 @@ def _through_sensor(
         parameters[place, 1 + count + k] += 1j * _STEP
     shown = effect.sensor(seen, steps, parameters)
     slopes = shown.imag / _STEP
-    out = slopes[:, 1 : 1 + count] * (1.0 if effect.remembers else columns)
+    out = slopes[:, 1 : 1 + count] * (1.0 if effect.has_memory else columns)
     for k, (_, at) in enumerate(moved):
         out[:, at] += slopes[:, 1 + count + k]
     return shown[:, 0].real.copy(), out

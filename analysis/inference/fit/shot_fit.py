@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.collision import MOST_AT_ONCE, Effect, Infeasible, effects_named, findings, named
+from analysis.collision import MAX_EFFECTS, Effect, Infeasible, effect_named, effects_named, without_nuisances
 from analysis.inference.fit.added_effect import joined
 from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.base import Plates
@@ -25,9 +25,9 @@ from analysis.inference.fit.samples import FINE_RATE_HZ, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import on_site
-from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Shaking, Stop
+from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Stop, VibrationSpectrum
 
-_PLATE_MOTION = named("plate_motion")
+_PLATE_MOTION = effect_named("plate_motion")
 _EVALUATIONS, _TO_CONTINUE = 60, 120  # limits for a search, and for its continuation if it had not converged
 _TOLERANCE = 1e-6  # of chi^2: a thousandth of a standard deviation
 _POOR_FIT = 1.15  # reduced chi^2 above which frame motion faster than a building's is tried, as after a knock
@@ -45,12 +45,12 @@ def fit_shots(
     model: str = "paper",
     effects: Sequence[Effect | str] = (),
     cancelled: Stop | None = None,
-    shakings: Sequence[Shaking | None] = (),
+    vibrations: Sequence[VibrationSpectrum | None] = (),
 ) -> Fit:
     """Fit base ``model`` and ``effects`` (at most three) to the displacement of ``motions``.
 
     All shots share contact and effects; shots that state the same plate share that plate.  Each shot has its own speed,
-    touch time and offset, and its own effect parameters if the catalogue says so.  ``shakings`` are the frame motions
+    touch time and offset, and its own effect parameters if the catalogue says so.  ``vibrations`` are the frame motions
     of the shots.  If given, the two-body fit includes that motion in flight and in contact, and the plate may swing
     before the touch by as much as the frame can have driven it.  An effect of the catalogue may be given by its name.
     Raises ValueError for unknown names, NoCollision (an AnalysisError) if a motion shows no collision, AnalysisError if
@@ -61,16 +61,16 @@ def fit_shots(
     if not motions:
         raise ValueError("no shot to fit")
     chosen = effects_named(effects)
-    if len(findings(chosen)) > MOST_AT_ONCE or len(set(chosen)) != len(chosen):
-        raise ValueError(f"effects must be at most {MOST_AT_ONCE} different ones")
+    if len(without_nuisances(chosen)) > MAX_EFFECTS or len(set(chosen)) != len(chosen):
+        raise ValueError(f"effects must be at most {MAX_EFFECTS} different ones")
     stop = cancelled or (lambda: False)
     shaken = (
         model == "paper" and _PLATE_MOTION not in chosen and all(resolves_frame_motion(motion) for motion in motions)
     )
-    site = site_under(motions, shakings, 0.0) if shaken and any(shakings) else None
+    site = site_under(motions, vibrations, 0.0) if shaken and any(vibrations) else None
     best = _fit_on(site, motions, model, chosen, stop)
     if site is not None and _POOR_FIT < best.reduced_chi2 < BIASED_CHI2:
-        whole = _fit_on(site_under(motions, shakings, 0.0, whole=True), motions, model, chosen, stop)
+        whole = _fit_on(site_under(motions, vibrations, 0.0, whole=True), motions, model, chosen, stop)
         best = whole if whole.found.converged and whole.reduced_chi2 < best.reduced_chi2 else best
     return best.as_fit(motions, model, began, stop)
 
@@ -126,7 +126,7 @@ def _fit_on(
     shots = averaged_shots(motions)
     noise, trusted = noise_of_flights(shots, site)
     begin = first_fit(shots, model, site, stop, noise=noise)
-    finely = any(effect.ripples for effect in effects)
+    finely = any(effect.needs_full_rate for effect in effects)
     data = joint_data(averaged_shots(motions, FINE_RATE_HZ) if finely else shots, begin, site)
     if finely or data.site is not site:
         noise, trusted = noise_of_flights(data.shots, data.site)

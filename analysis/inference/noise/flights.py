@@ -44,8 +44,8 @@ def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tupl
     """
     spacing_s = shots[0].spacing_s
     turn = 2 * np.pi * spacing_s
-    above = 0.0 if site is None else turn * float(site.shaking.frequency_hz[site.shaking.random][-1])
-    lines = np.empty(0) if site is None else turn * site.shaking.frequency_hz[~site.shaking.random]
+    above = 0.0 if site is None else turn * float(site.vibration.frequency_hz[site.vibration.random][-1])
+    lines = np.empty(0) if site is None else turn * site.vibration.frequency_hz[~site.vibration.random]
     flights = [[_flight(shot, part) for part in (shot.course.quiet_in, shot.course.quiet_out)] for shot in shots]
     spectra = [[spectrum_of(f, above, lines) for f in side if f.size >= _FEWEST] for side in zip(*flights, strict=True)]
     incoming, outgoing = ([s for s in side if s[0].size] for side in spectra)

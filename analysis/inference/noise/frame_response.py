@@ -12,23 +12,23 @@ import numpy as np
 from analysis.collision import Collision, Floats, moved_by_frame
 from analysis.inference.fit.optics import change_shown
 from analysis.inference.fit.response import ShotModel
-from analysis.shot import Shaking
+from analysis.shot import VibrationSpectrum
 
 PLATE_QUALITY = 300.0  # upper limit of the quality factor of a metal plate oscillating in air
 STILL = (1e-15, 1e-12)  # m, m/s: std of a plate at rest
 
 
-def plate_swing_std(shaking: Shaking, collision: Collision) -> tuple[float, float]:
+def plate_swing_std(vibration: VibrationSpectrum, collision: Collision) -> tuple[float, float]:
     """Return the stds of the plate's displacement (m) and velocity (m/s) relative to the frame before the touch."""
     own = float(np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg))
-    omega = 2 * np.pi * shaking.frequency_hz
+    omega = 2 * np.pi * vibration.frequency_hz
     answer = omega**2 / np.hypot(own**2 - omega**2, own * omega / PLATE_QUALITY)
     width = np.zeros(omega.size)
-    if np.count_nonzero(shaking.random) > 1:
-        width[shaking.random] = np.gradient(omega[shaking.random])
+    if np.count_nonzero(vibration.random) > 1:
+        width[vibration.random] = np.gradient(omega[vibration.random])
     beside = np.abs(omega - own) > 2 * width
-    driven = float(np.sum((shaking.power_m2 * answer**2)[beside]))
-    resonant = 0.25 * own * PLATE_QUALITY * shaking.density_m2_per_hz(own / (2 * np.pi))
+    driven = float(np.sum((vibration.power_m2 * answer**2)[beside]))
+    resonant = 0.25 * own * PLATE_QUALITY * vibration.density_m2_per_hz(own / (2 * np.pi))
     std = float(np.sqrt(driven + resonant))
     # not zero, since likely plate states are divided by this std
     return max(std, STILL[0]), max(own * std, STILL[1])
@@ -44,5 +44,5 @@ def responses(shot: ShotModel, omega: Floats) -> tuple[Floats, Floats]:
     path = shot.path(1)
     moved, after = moved_by_frame(path, shot.collision, omega, shot.samples.centre_s.size)
     # interferometer ripple, finer than averaged samples, is left out: the fit adds it along the measured path
-    lagging = {effect: given for effect, given in shot.values.items() if effect.sensor is None or effect.remembers}
+    lagging = {effect: given for effect, given in shot.values.items() if effect.sensor is None or effect.has_memory}
     return change_shown(replace(shot, values=lagging), path, moved), after

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Acts, Effect
-from analysis.shot import Floats, Shaking
+from analysis.shot import Floats, VibrationSpectrum
 
 BELOW_HZ = 1000.0  # frame motion at higher frequencies is part of the beat's noise
 _APART = 0.45  # spacing of the sines that represent random motion, in units of one over a shot's length
@@ -18,12 +18,12 @@ _WANDER = 3.0  # density times f^2, over its least value in the fastest octave, 
 
 @dataclass(frozen=True)
 class Site:
-    """The frame's motion, pooled over the shots: sines (``shaking``) and the band index of each, shape (f,).
+    """The frame's motion, pooled over the shots: sines (``vibration``) and the band index of each, shape (f,).
 
     The first ``random_bands`` are third-octaves of random motion, slowest first; each further band is one line.
     """
 
-    shaking: Shaking
+    vibration: VibrationSpectrum
     band: NDArray[np.int64]
     random_bands: int
 
@@ -39,17 +39,17 @@ def resembles_frame_motion(row: Effect) -> bool:
 
 
 def site_of(
-    shakings: Sequence[Shaking | None], length_s: float, least_nm: float, *, whole: bool = False
+    vibrations: Sequence[VibrationSpectrum | None], length_s: float, least_nm: float, *, whole: bool = False
 ) -> Site | None:
     """Return the frame's motion during shots of ``length_s``; None if its random part is below ``least_nm`` rms.
 
     The random spectrum is the mean over the shots.  Lines at one frequency in several shots are one line.  With
     ``whole`` all motion counts as the frame's, else only frequencies at which it exceeds possible path wander.
     """
-    known = [shaking.below(BELOW_HZ) for shaking in shakings if shaking is not None]
+    known = [vibration.below(BELOW_HZ) for vibration in vibrations if vibration is not None]
     if not known:
         return None
-    share = 1.0 / len(shakings)
+    share = 1.0 / len(vibrations)
     apart_hz = _APART / length_s
     frequency = np.arange(0.25 * apart_hz, max(float(one.frequency_hz[-1]) for one in known), apart_hz)
     density = sum(share * one.densities_m2_per_hz(frequency) for one in known)
@@ -68,7 +68,9 @@ def site_of(
     random_bands = int(band.max()) + 1
     band = np.concatenate([band, random_bands - 1 + np.cumsum(apart)]).astype(np.int64)
     random = np.arange(band.size) < frequency.size
-    return Site(Shaking(np.concatenate([frequency, at]), np.concatenate([power, size]), random), band, random_bands)
+    return Site(
+        VibrationSpectrum(np.concatenate([frequency, at]), np.concatenate([power, size]), random), band, random_bands
+    )
 
 
 def _of_the_frame(frequency_hz: Floats, power: Floats) -> int:

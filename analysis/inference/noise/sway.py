@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpstrf
 
-from analysis.collision import named
+from analysis.collision import effect_named
 from analysis.compiled import side_by_side, solve_triangle
 from analysis.inference.fit.base import Base
 from analysis.inference.fit.effective_parameters import Point, Values
@@ -201,25 +201,25 @@ def frame_response_of(
     ``values`` are the parameters of effects that act on the shot.  The plate starts in its known state, if there is
     one.  Cost: 5 ms.
     """
-    starting = named("plate_motion")
+    starting = effect_named("plate_motion")
     model = ShotModel(shot, base, shared, own, {starting: dict.fromkeys(_PLATE_START, 0.0), **values})
     collision = model.collision
-    omega = 2 * np.pi * site.shaking.frequency_hz
+    omega = 2 * np.pi * site.vibration.frequency_hz
     moved, after = responses(model, omega)
-    each = np.sqrt(site.shaking.power_m2)
+    each = np.sqrt(site.vibration.power_m2)
     by_start = [model.names.index(f"{starting.key}.{name}") for name in _PLATE_START]
     swings = respond(model, shot.time_s, block=shot.factor, derivatives=True).derivatives[:, by_start]
-    plate_std = plate_swing_std(site.shaking, collision)
+    plate_std = plate_swing_std(site.vibration, collision)
     columns = np.empty((int(shot.valid.sum()), 2 * each.size + len(_PLATE_START)))
     np.multiply(moved[shot.valid], np.tile(each, 2), out=columns[:, : 2 * each.size])
     columns[:, 2 * each.size :] = swings[shot.valid] * plate_std
     own_hz = np.sqrt(collision.plate_stiffness_n_per_m / collision.plate_mass_kg) / (2 * np.pi)
-    nearest = int(np.argmin(np.abs(site.shaking.frequency_hz[site.shaking.random] - own_hz)))
+    nearest = int(np.argmin(np.abs(site.vibration.frequency_hz[site.vibration.random] - own_hz)))
     band = np.concatenate([site.band, site.band, np.repeat(site.band[nearest], len(_PLATE_START))])
     basis, factors = _orthonormal(columns, _SEEN * shot.white_m**2)
     speeds = np.zeros((site.bands, 2))
     squares = np.stack([omega**2, np.sum(after.reshape(2, -1) ** 2, axis=0)], axis=1)
-    np.add.at(speeds, site.band, site.shaking.power_m2[:, None] * squares)
+    np.add.at(speeds, site.band, site.vibration.power_m2[:, None] * squares)
     return Sway(basis, factors, band, shot.valid, shot.weight, speeds, plate_std)
 
 

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.collision import Effect, LinearPath, along
-from analysis.collision import steps_for as steps_of
+from analysis.collision import Effect, LinearPath, first_order_change
+from analysis.collision import steps_per_sample as steps_of
 from analysis.inference.fit.optics import change_shown
 from analysis.inference.fit.response import ShotModel
 from analysis.shot import Floats
@@ -37,5 +37,5 @@ def responses(
     None if the effect's function cannot be linearised in this way.
     """
     count = shot.samples.centre_s.size
-    change = along(path, effect, shot.collision, parameter_columns(effect, starts), count)
+    change = first_order_change(path, effect, shot.collision, parameter_columns(effect, starts), count)
     return None if change is None else change_shown(shot, path, change)

@@ -130,7 +130,7 @@ def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom:
     power = np.where(products.power < _SPANNED**2 * products.whole, 0.0, products.power)
     along = products.along
     free = next(free for free in kind.free_parameters if free.name == kind.amplitude[0])
-    grows_as = kind.effect.grows_as
+    response_power = kind.effect.response_power
     out = []
     for k, begin in enumerate(products.starts):
         factor = float(along[k] / power[k]) if power[k] > 0 else 0.0
@@ -139,9 +139,9 @@ def _linear(at: Projector, kind: TrialEffect, products: ColumnProducts, freedom:
             factor = max(factor, 1e-9)
             start[free.name] = start[free.name] / factor
             factor = factor if factor > 1e-9 else 0.0
-        elif grows_as != 1.0:
+        elif response_power != 1.0:
             factor = max(factor, 0.0)
-            start[free.name] = max(start[free.name] * factor ** (1 / grows_as), free.lower)
+            start[free.name] = max(start[free.name] * factor ** (1 / response_power), free.lower)
         else:
             if free.lower >= 0:
                 factor = max(factor, 0.0)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from analysis.shot import program
+from analysis.shot import version_and_digest
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, why_unusable
 from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost, error_words
 from app.command_line.outputs import say
@@ -42,7 +42,7 @@ class Cluster:
         self._address, self._client = address, _client(address)
         folders = sorted({str(Path(task.path).parent) for task in todo})[:_MOST_FOLDERS]
         csv = next((task.motion_csv for task in todo if task.motion_csv), None)
-        self._check_of_folders = (program(), folders, None if csv is None else str(Path(csv).parent))
+        self._check_of_folders = (version_and_digest(), folders, None if csv is None else str(Path(csv).parent))
         self._watcher = ThreadPoolExecutor(1)  # a hanging scheduler must not block the campaign
         self._watching: Any = None
         self._watched_at = 0.0

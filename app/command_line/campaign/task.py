@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.report import shot_result
-from analysis.shot import AnalysisSettings, program
+from analysis.shot import AnalysisSettings, version_and_digest
 from app.report import motion_file_names, shot_row, write_motion
 from app.session import analysed, cause_of, unanalysed
 from instrument.files import FileNotReached, RecordingError, find_mapping, one_line, recording_stem
@@ -60,7 +60,7 @@ def tasks_of(
     for path, name in zip(found, names, strict=True):
         csv = str(export_to.absolute() / name) if export_to is not None else None
         sizes, dates = _state(path)
-        stamp = (program(), base, settings, csv, checked, str(path.resolve()), sizes, dates)
+        stamp = (version_and_digest(), base, settings, csv, checked, str(path.resolve()), sizes, dates)
         text = "|".join(map(str, stamp))
         tasks.append(Task(str(path.absolute()), base, settings, csv, checked, text, sizes))
     return tasks
@@ -112,7 +112,7 @@ def _state(path: Path) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 def why_unusable(wanted_program: str, reads: Iterable[str], writes: str | None) -> str | None:
     """Return why this worker cannot read from and write to these folders, or None; runs in the worker."""
-    if (own := program()) != wanted_program:
+    if (own := version_and_digest()) != wanted_program:
         return f"has levimass {own}, not {wanted_program}"
     for folder in reads:
         if not os.path.isdir(folder):

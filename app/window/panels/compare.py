@@ -11,7 +11,7 @@ from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QHBoxLayout, QSplitter, QWidget
 
 from analysis.shot import Quantity, Shot
-from analysis.uncertainty import ResultNumber, of_series, with_unit
+from analysis.uncertainty import ResultNumber, series_numbers, with_unit
 from app.report import contact_span_ms, grid_ms
 from app.session import Entry
 from app.window.plots.cursors import SPEED, CursorReadout
@@ -142,7 +142,7 @@ class ComparePanel(Themed, QWidget):
         hover = "The bounces at first contact  (2)"
         bar.addWidget(push_button("First contact", hover, self, self.show_contact))
         self._say = added(bar, text_label("", self, faint=True, wrap=True), 1)
-        self._numbers_followed = of_series()
+        self._numbers_followed = series_numbers()
         hover = "Number plotted against impact speed; a slope shows that it depends on speed"
         items = [(with_unit(followed.title, followed.shown_unit), followed.key) for followed in self._numbers_followed]
         self.which = added(bar, combo_box("Number whose trend is shown", hover, self, items))

@@ -4,8 +4,8 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QFont, QFontMetricsF, QResizeEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
-from analysis.shot import CONCERNS, Quantity, Reading, Shot
-from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
+from analysis.shot import NUMBERS_AFFECTED, Quantity, Reading, Shot
+from analysis.uncertainty import Group, ResultNumber, combined_uncertainties, shown_numbers, with_combined_uncertainty
 from app.window.theme import MARKS, Tone
 from app.window.widgets import set_tone, text_label
 from app.words import DASH, MILD_FLAGS, localised_number, number
@@ -46,7 +46,7 @@ class LargePanel(QWidget):
         doubtful = shot is not None and any(self._casts_doubt(flag) for flag in shot.flags)
         self._title.setText((f"{MARKS[Tone.WARNING]} " if doubtful else "") + (title or "No shot yet"))
         set_tone(self._title, Tone.WARNING if doubtful else None)
-        combined = combined_of(shot) if shot is not None else {}
+        combined = combined_uncertainties(shot) if shot is not None else {}
         for line, (name, value, unit) in enumerate(self._cells):
             there = line < len(self._rows)
             for cell in (name, value, unit):
@@ -56,13 +56,13 @@ class LargePanel(QWidget):
                 name.setText(row.symbol or row.name)
                 unit.setText(row.shown_unit)
                 value.setAccessibleName(f"{name.text()} {row.shown_unit}".strip())
-                reading = stated(row.find(shot), row.key, combined) if shot is not None else None
+                reading = with_combined_uncertainty(row.find(shot), row.key, combined) if shot is not None else None
                 value.setText(plain_digits(reading, row.scale))
         self._fit()
 
     def _casts_doubt(self, flag: str) -> bool:
         """Return whether a flag casts doubt on the numbers shown here."""
-        about = CONCERNS.get(flag)
+        about = NUMBERS_AFFECTED.get(flag)
         return flag not in MILD_FLAGS and (about is None or any(row.key in about for row in self._rows))
 
     def resizeEvent(self, event: QResizeEvent) -> None:

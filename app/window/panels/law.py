@@ -7,7 +7,7 @@ import numpy as np
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QFormLayout, QGridLayout, QLabel, QLineEdit, QWidget
 
-from analysis.collision import FUNCTIONS, MOST_PARAMETERS, LawError, from_mapping
+from analysis.collision import FUNCTIONS, MOST_PARAMETERS, LawError, law_from_table
 from analysis.diagnosis import LearnedLaw
 from analysis.shot import Shot
 from app.report import law_columns
@@ -38,7 +38,7 @@ OTHERS = [series(index + 2) for index in range(MOST_FORMS)]
 class LawCurve(QWidget):
     """Shows one learned law; if there are two, a button shows the other."""
 
-    keep_wanted = Signal(object)  # the OwnLaw to save
+    keep_wanted = Signal(object)  # the UserLaw to save
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -145,7 +145,7 @@ HINT = (
 class LawSheet(Sheet):
     """The form for an own law; it keeps its content when closed."""
 
-    wanted = Signal(dict)  # the law as a table for ``from_mapping``
+    wanted = Signal(dict)  # the law as a table for ``law_from_table``
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Propose a law", parent)
@@ -245,7 +245,7 @@ class LawSheet(Sheet):
             self.say("", Tone.NEUTRAL)
             return
         try:
-            from_mapping(self.table())
+            law_from_table(self.table())
         except (LawError, ValueError) as error:
             self.save.setEnabled(False)
             self.say(str(error), Tone.WARNING)

@@ -4,8 +4,8 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QFrame, QWidget
 
 from analysis.collision import Effect
-from analysis.fitted import awaits_fit
-from analysis.shot import Fit, Shot, words_and_unit
+from analysis.fitted import fit_pending
+from analysis.shot import Fit, Shot, split_unit
 from app.window.theme import MARKS, Tone
 from app.window.widgets import add_row, push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
@@ -28,7 +28,7 @@ def _matrix(fit: Fit) -> Markup:
     rows = [tag("tr", tag("th"), tag("th"), head)]
     for index, name in enumerate(fit.parameters):
         cells = [tag("td", or_dash(r, ".2f"), align="right") for r in fit.correlations[index, :index]]
-        rows.append(tag("tr", tag("td", str(index + 1)), tag("td", words_and_unit(name)[0]), cells))
+        rows.append(tag("tr", tag("td", str(index + 1)), tag("td", split_unit(name)[0]), cells))
     return tag("table", rows, cellspacing=4)
 
 
@@ -65,7 +65,7 @@ class ModelPanel(QFrame):
         self.correlated.setEnabled(shown)
         self.correlations.setVisible(shown and self.correlated.isChecked())
         if fit is None:
-            how = "fit to follow" if shot is not None and awaits_fit(shot) else "not fitted"
+            how = "fit to follow" if shot is not None and fit_pending(shot) else "not fitted"
             base = shot.settings.model if shot is not None else ""
             self._model.setText("no shot selected" if shot is None else f"{base_words(base)}: {how}")
             self._fit.setText("")

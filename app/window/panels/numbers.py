@@ -6,8 +6,8 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QScrollArea, QWidget
 
-from analysis.shot import Quantity, Reading, Shot, concerning
-from analysis.uncertainty import Group, ResultNumber, combined_of, shown_numbers, stated
+from analysis.shot import Quantity, Reading, Shot, flags_affecting
+from analysis.uncertainty import Group, ResultNumber, combined_uncertainties, shown_numbers, with_combined_uncertainty
 from app.window.state_words import flag_line, flag_tone
 from app.window.theme import MARKS, Colours, Themed, Tone
 from app.window.widgets import FoldButton, add_row, push_button, set_tone, show_toned, text_label, vertical
@@ -161,7 +161,9 @@ class NumbersPanel(Themed, QScrollArea):
 
     def _reading(self, row: ResultNumber) -> Reading | None:
         """Return a number with the chosen uncertainty, combined or from noise alone."""
-        return stated(row.find(self._shot), row.key, self._combined) if self._shot is not None else None
+        return (
+            with_combined_uncertainty(row.find(self._shot), row.key, self._combined) if self._shot is not None else None
+        )
 
     def apply_colours(self, colours: Colours) -> None:
         super().apply_colours(colours)
@@ -173,7 +175,7 @@ class NumbersPanel(Themed, QScrollArea):
         self._title = title or (shot.name if shot is not None else "No shot")
         self.title.setText(self._title)
         self.title.setToolTip(self._title)
-        self._combined = combined_of(shot) if shot is not None and not self.noise_only.isChecked() else {}
+        self._combined = combined_uncertainties(shot) if shot is not None and not self.noise_only.isChecked() else {}
         driven = shot is not None and is_drive(shot.settings.model)
         for group, widgets in self._groups.items():
             for widget in widgets:
@@ -184,7 +186,7 @@ class NumbersPanel(Themed, QScrollArea):
             label = self.values[row.name]
             label.setText(self._fitting(label, reading, row.scale))
             which = COMBINED if row.key in self._combined else NOISE_ONLY
-            doubts = concerning(row.key, shot.flags) if shot is not None else ()
+            doubts = flags_affecting(row.key, shot.flags) if shot is not None else ()
             poor = [wide] if (wide := wide_words(reading)) else []
             hover = lines((reading_tooltip(row.name, reading, row.meaning, which), *map(flag_line, doubts), *poor))
             label.setToolTip(hover)

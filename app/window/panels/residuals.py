@@ -11,7 +11,7 @@ from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves
 from analysis.shot import Floats, Shot
-from analysis.uncertainty import diagnosed_band
+from analysis.uncertainty import diagnosis_band
 from app.report import grid_ms, time_zero
 from app.session import CandidateResidual, by_evidence
 from app.window.panels.effects import CandidateBars
@@ -119,7 +119,7 @@ class ResidualOverlay(Themed, QWidget):
         for place, shot in enumerate(shot for shot in self._shots if shot.motion is not None):
             if place >= min(len(before), len(after)) or shot.motion is None:
                 break
-            noise_m, _ = diagnosed_band(found, shot)
+            noise_m, _ = diagnosis_band(found, shot)
             left = None if self._accepted else np.asarray(before[place].residual_m)
             time_ms = 1e3 * (shot.motion.time_s - time_zero(shot)[0])
             title = short_name(shot.name)
@@ -265,7 +265,7 @@ class Residuals(QWidget):
         assert motion is not None
         self.stack.set_shots((shot,), shot.name)
         self.stack.label_time(time_zero(shot)[1])
-        noise_m, what = diagnosed_band(diagnosis, shot)
+        noise_m, what = diagnosis_band(diagnosis, shot)
         self._heading.setText(f"RESIDUAL OF DISPLACEMENT, {short_name(shot.name)} (band: {what}, ±2 σ)")
         start, step = grid_ms(shot)
         fits = (diagnosis.fit_before, diagnosis.fit_after)

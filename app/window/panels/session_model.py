@@ -9,7 +9,13 @@ from PySide6.QtCore import QAbstractTableModel, QModelIndex, QObject, Qt, Signal
 from PySide6.QtGui import QFont
 
 from analysis.shot import Quantity, Reading, Shot
-from analysis.uncertainty import Origin, ResultNumber, combined_of, of_collision, stated
+from analysis.uncertainty import (
+    Origin,
+    ResultNumber,
+    collision_numbers,
+    combined_uncertainties,
+    with_combined_uncertainty,
+)
 from app.session import Entry
 from app.window.state_words import flag_line
 from app.window.widgets import hover_text
@@ -138,7 +144,8 @@ def _flags(entry: Entry) -> str:
 def columns() -> list[Column]:
     """Return the columns in order; columns hidden at first are last."""
     numbers = [
-        Column(n.head, NUMBER_COLUMN_DIGITS, number=n) for n in of_collision(Origin.READ, Origin.FITTED, Origin.STATED)
+        Column(n.head, NUMBER_COLUMN_DIGITS, number=n)
+        for n in collision_numbers(Origin.READ, Origin.FITTED, Origin.STATED)
     ]
     return [
         Column("#", 9, _place, lambda entry: float(entry.number)),
@@ -232,14 +239,14 @@ class SessionModel(QAbstractTableModel):
     def _combined(self, shot: Shot) -> Mapping[str, float]:
         """Return the combined standard uncertainties of a shot, computed once."""
         if id(shot) not in self._made:
-            self._made[id(shot)] = (shot, combined_of(shot))
+            self._made[id(shot)] = (shot, combined_uncertainties(shot))
         return self._made[id(shot)][1]
 
     def _stated(self, entry: Entry, number: ResultNumber) -> Reading | None:
         """Return a number with its combined standard uncertainty."""
         if entry.shot is None:
             return None
-        return stated(number.find(entry.shot), number.key, self._combined(entry.shot))
+        return with_combined_uncertainty(number.find(entry.shot), number.key, self._combined(entry.shot))
 
     def _searched(self, entry: Entry) -> str:
         flags = (

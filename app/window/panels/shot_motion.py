@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QWidget
 
 from analysis.diagnosis import Diagnosis
 from analysis.shot import Fit, Floats, Motion, Overlay, Quantity, Shot
-from analysis.uncertainty import NoiseBand, judged_band
+from analysis.uncertainty import NoiseBand, verdict_band
 from app.report import contact_span_ms, deflection_of, grid_ms, time_zero
 from app.window.plots.cursors import DISTANCE
 from app.window.plots.curve import PointCurve, SampledCurve
@@ -88,7 +88,7 @@ class MotionView(QObject):
             self.residual.name_value("residual", unit)  # removes the previous shot's unit and scale
             self.residual.view.setYRange(-1.0, 1.0, padding=0)
             return
-        band, self.band_words = judged_band(shot, self._judged_by)
+        band, self.band_words = verdict_band(shot, self._judged_by)
         rest, std = _residual_of(motion, fit, kind, band)
         zero, _ = time_zero(shot)
         start, step = grid_ms(shot)
@@ -104,7 +104,7 @@ class MotionView(QObject):
         shot = self._shot
         if shot is None or shot.motion is None or shot.fit is None or not shot.fit.shots:
             return
-        band, _ = judged_band(shot, self._judged_by)
+        band, _ = verdict_band(shot, self._judged_by)
         sizes = [_size(*_residual_of(shot.motion, shot.fit, kind, band)) for kind, _, _ in RESIDUALS]
         chosen = int(np.argmax(sizes)) if max(sizes) > LEAST_SIGNIFICANT_RATIO else 0
         self.kind.blockSignals(True)

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.paper import Reproduction, Status
-from analysis.shot import Quantity, Shot, shown_in
+from analysis.shot import Quantity, Shot, display_unit
 from analysis.uncertainty import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from app.report import PAPER_SECTIONS, paper_cells, readable_unit
 from app.window.theme import Colours, Themed, Tone, sized
@@ -162,7 +162,7 @@ class BudgetPanel(QWidget):
 
 
 def _quantity_line(q: QuantityBudget) -> Line:
-    factor, unit = shown_in(q.unit)
+    factor, unit = display_unit(q.unit)
     parts = (number(factor * part, 2) for part in (q.std_a, q.std_b, q.std, q.expanded))
     below = tuple(_source_line(row, q, factor) for row in q.rows)
     return Line((q.words, value_text(q.quantity, factor), unit, *parts), f"{q.words}: {STATED}", below, True)

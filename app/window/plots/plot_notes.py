@@ -9,7 +9,7 @@ from PySide6.QtCore import QEvent, QObject, QPointF, Qt, Signal, Slot
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QLineEdit, QWidget
 
-from analysis.shot import LONGEST, PlotNote
+from analysis.shot import MAX_NOTE_LENGTH, PlotNote
 from app.window.plots.framed_plot import FramedPlot
 from app.window.plots.lines import straight
 from app.window.theme import Colours
@@ -28,7 +28,7 @@ _LEAST_HEIGHT = 4  # least height of a plot, in heights of the text, for showing
 class NoteAxes:
     """A plot's name and the transformation to its axes: x = (note.x - ``zero``) * ``per_x``, y = note.y * ``per_y``."""
 
-    plot: str  # a key of ``analysis.shot.shot.UNITS``
+    plot: str  # a key of ``analysis.shot.shot.PLOT_UNITS``
     zero: float = 0.0
     per_x: float = 1.0
     per_y: float = 1.0
@@ -224,7 +224,7 @@ class NoteEditor(QLineEdit):
         super().__init__(text, parent)
         self.setAccessibleName("Note on the plot")
         self.setPlaceholderText("note; Enter saves it")
-        self.setMaxLength(LONGEST)
+        self.setMaxLength(MAX_NOTE_LENGTH)
         self.selectAll()
         self.editingFinished.connect(self._finished)
 

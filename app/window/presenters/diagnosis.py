@@ -6,7 +6,7 @@ from typing import Any
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.collision import Effect, LawError, OwnLaw
+from analysis.collision import Effect, LawError, UserLaw
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves, drive_curves
 from analysis.shot import Progress, Shot, Stop
@@ -148,7 +148,7 @@ class LawsPresenter(QObject):
         panels.law.wanted.connect(self._take)
 
     @Slot(object)
-    def _keep(self, law: OwnLaw) -> None:
+    def _keep(self, law: UserLaw) -> None:
         self._panels.law.fill(law.written())
         self._panels.law.open()
 

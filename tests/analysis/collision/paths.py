@@ -6,19 +6,25 @@ import numpy as np
 import pytest
 
 from analysis.collision import first_order, linear_coefficients, linearisation, on_moving_frame, path_matrices
-from analysis.collision.effects import named
-from analysis.collision.general import Active
+from analysis.collision.effects import effect_named
+from analysis.collision.general import ActiveEffect
 from analysis.collision.parameters import Collision, Variant
 from tests.analysis.collision.plain import solver_in_python
 
 RIG = Collision(0.02, -0.3, 300.0, 2e-3, 3e3, 0.3)
 TIME_S = np.arange(-6, 120) * 2.5e-4 + 1.1e-4
-CASES: list[tuple[Collision, list[Active]]] = [
+CASES: list[tuple[Collision, list[ActiveEffect]]] = [
     (RIG, []),
     (Collision(0.02, -0.3, 300.0, 2e-3, 3e3, 0.3, variant=Variant.CLAMPED), []),
     (Collision(0.02, -0.3, 300.0, 2e-3, 3e3, 2.5, variant=Variant.NO_TENSION), []),
-    (RIG, [Active(named("support_compliance"), (2e-4, 150.0)), Active(named("coulomb_friction"), (0.02,))]),
-    (RIG, [Active(named("quadratic_drag"), (0.05,))]),
+    (
+        RIG,
+        [
+            ActiveEffect(effect_named("support_compliance"), (2e-4, 150.0)),
+            ActiveEffect(effect_named("coulomb_friction"), (0.02,)),
+        ],
+    ),
+    (RIG, [ActiveEffect(effect_named("quadratic_drag"), (0.05,))]),
 ]
 
 

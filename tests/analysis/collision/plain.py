@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from analysis.collision import (
-    acting,
     crossings,
     exponentials,
     march,
     matrices,
+    mechanical_effects,
     modes,
     propagator,
     rates,
@@ -53,8 +53,8 @@ def solver_in_python(patch: pytest.MonkeyPatch, *more: ModuleType) -> tuple[Call
     def within(number: int, s: Any, p: Any, first: int) -> None:
         functions[int(number)](s, p[first:], s[STATES:])
 
-    patch.setattr(acting, "address", numbered)
-    patch.setattr(acting, "complex_address", numbered)
+    patch.setattr(mechanical_effects, "address", numbered)
+    patch.setattr(mechanical_effects, "complex_address", numbered)
     patch.setattr(rates, "call_within", within)
     return numbered, functions
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.collision import general
 from analysis.collision.effects import CATALOGUE
-from analysis.collision.effects.row import Sensed
+from analysis.collision.effects.row import SensorInput
 from analysis.collision.parameters import PAPER, Collision, Floats
 from analysis.shot.motion import Motion
 
@@ -30,7 +30,9 @@ def shot(
     random = np.random.default_rng(seed)
     time_s = np.arange(samples) / rate_hz
     chosen = effects or {}
-    active = [general.Active(CATALOGUE[n], tuple(v)) for n, v in chosen.items() if CATALOGUE[n].kernel is not None]
+    active = [
+        general.ActiveEffect(CATALOGUE[n], tuple(v)) for n, v in chosen.items() if CATALOGUE[n].kernel is not None
+    ]
     run = general.solve(collision, active, time_s - touch_s)
     x = run.displacement_m
     for name, values in chosen.items():
@@ -38,7 +40,7 @@ def shot(
         if sensor is not None:
             p = np.zeros((3, 1), dtype=np.complex128)
             p[: len(values), 0] = values
-            seen = Sensed(time_s, run.velocity_m_per_s, WAVELENGTH_M, rate_hz)
+            seen = SensorInput(time_s, run.velocity_m_per_s, WAVELENGTH_M, rate_hz)
             x = sensor(seen, x[:, None].astype(np.complex128), p)[:, 0].real
     noise = white_m * random.standard_normal(samples)
     if floor_m > 0:

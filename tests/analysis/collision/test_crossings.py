@@ -133,8 +133,8 @@ def test_a_propagator_is_that_of_the_classical_method() -> None:
 
 def test_matrices_are_alike_to_the_change_that_is_allowed() -> None:
     one = np.array([[1.0, -200.0], [3.0, 0.0]])
-    alike = path_matrices._alike.py_func
-    still, rounding = path_matrices._STILL, path_matrices._ROUNDING
+    alike = path_matrices._nearly_equal.py_func
+    still, rounding = path_matrices._CONSTANT_SHARE, path_matrices._ROUNDING
     for place, size in (((0, 0), 200.0), ((0, 1), 200.0), ((1, 1), 3.0)):
         allowed = still * abs(one[place]) + rounding * size
         for share, same in ((0.99, True), (1.01, False)):

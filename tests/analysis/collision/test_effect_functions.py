@@ -10,13 +10,13 @@ import pytest
 from analysis.collision.effects import (
     CATALOGUE,
     NUISANCES,
-    findings,
+    effect_named,
     in_contact,
-    named,
     on_block,
     on_plate,
     on_sensor,
-    sensors,
+    sensor_effects,
+    without_nuisances,
 )
 from analysis.collision.effects.kernel import (
     BLOCK_MASS,
@@ -43,7 +43,7 @@ from analysis.collision.effects.kernel import (
     X,
     Y,
 )
-from analysis.collision.effects.row import Sensed
+from analysis.collision.effects.row import SensorInput
 from analysis.collision.parameters import PAPER
 
 
@@ -113,13 +113,13 @@ def test_the_rates_of_effects_are_those_of_their_equations() -> None:
         ("frame_vibration_with_plate", [1.0, 2.0, 7.0, 3.0], 7.0),
         ("coulomb_friction", [5.0], 0.0),
     ):
-        assert named(name).fastest(np.array(values), light) == pytest.approx(rate), name
-    assert named("second_plate_mode").stiffens(np.array([0.2]), light) == pytest.approx(1 + 1 / (0.2 * 2.5))
-    assert named("contact_exponent").stiffens(np.array([-0.5]), light) == pytest.approx(1.5 * 2.0)
-    assert named("tilt").stiffens(np.array([9.0]), light) == 1.0
+        assert effect_named(name).fastest(np.array(values), light) == pytest.approx(rate), name
+    assert effect_named("second_plate_mode").stiffens(np.array([0.2]), light) == pytest.approx(1 + 1 / (0.2 * 2.5))
+    assert effect_named("contact_exponent").stiffens(np.array([-0.5]), light) == pytest.approx(1.5 * 2.0)
+    assert effect_named("tilt").stiffens(np.array([9.0]), light) == 1.0
 
 
-SEEN = Sensed(5.0 + np.linspace(0.0, 0.1, 1001), np.full(1001, 0.2), 6e-7, 1e6)
+SEEN = SensorInput(5.0 + np.linspace(0.0, 0.1, 1001), np.full(1001, 0.2), 6e-7, 1e6)
 
 
 def test_drift_and_vibration_are_added_to_what_is_measured() -> None:
@@ -180,6 +180,6 @@ def test_a_cyclic_error_passes_where_its_chirp_does(share: float, passed: float)
 
 def test_effects_of_the_sensor_act_in_the_order_of_the_path() -> None:
     order = ["sensor_drift", "demodulation_lag", "frame_vibration", "frame_vibration_with_plate", "cyclic_error"]
-    assert [effect.name for effect in sensors([named(name) for name in (*order[::-1], "tilt")])] == order
+    assert [effect.name for effect in sensor_effects([effect_named(name) for name in (*order[::-1], "tilt")])] == order
     (nuisance,) = NUISANCES.values()
-    assert findings([CATALOGUE["tilt"], nuisance]) == (CATALOGUE["tilt"],)
+    assert without_nuisances([CATALOGUE["tilt"], nuisance]) == (CATALOGUE["tilt"],)

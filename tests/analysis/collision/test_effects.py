@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from analysis.collision import general
-from analysis.collision.effects import CATALOGUE, named
+from analysis.collision.effects import CATALOGUE, effect_named
 from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, OUTPUTS, Q_RATE, STATES, W_RATE, Q, V, W, X
 from analysis.collision.effects.on_block import block_mode
 from analysis.collision.effects.on_plate import second_plate_mode
 from analysis.collision.effects.on_sensor import cyclic_error, demodulation_lag
-from analysis.collision.effects.row import Acts, Sensed
-from analysis.collision.general import Active
+from analysis.collision.effects.row import Acts, SensorInput
+from analysis.collision.general import ActiveEffect
 from analysis.collision.parameters import PAPER
 
 NAMES = {
@@ -29,7 +29,7 @@ M = PAPER.block_mass_kg
 
 
 def with_effect(name: str, *values: float, time_s: np.ndarray = WHOLE_S) -> general.Trajectory:
-    return general.solve(PAPER, [Active(named(name), values)], time_s)
+    return general.solve(PAPER, [ActiveEffect(effect_named(name), values)], time_s)
 
 
 def test_the_catalogue_is_that_of_the_field() -> None:
@@ -43,7 +43,7 @@ def test_the_catalogue_is_that_of_the_field() -> None:
         assert set(effect.look_alikes) <= set(CATALOGUE)
         assert pickle.loads(pickle.dumps(effect)) == effect
     with pytest.raises(ValueError, match="no effect is called 'magic'"):
-        named("magic")
+        effect_named("magic")
 
 
 def test_flight_before_the_touch_follows_the_closed_forms() -> None:
@@ -80,7 +80,9 @@ def test_losses_slow_the_block_down(name: str, values: tuple[float, ...]) -> Non
 
 def test_nonlinear_contact_damping_costs_what_its_force_does() -> None:
     locked = replace(PAPER, plate_stiffness_n_per_m=0.0, plate_mass_kg=math.inf, contact_damping_n_s_per_m=0.0)
-    run = general.solve(locked, [Active(named("nonlinear_contact_damping"), (4e3,))], np.arange(0, 0.006, 1e-6))
+    run = general.solve(
+        locked, [ActiveEffect(effect_named("nonlinear_contact_damping"), (4e3,))], np.arange(0, 0.006, 1e-6)
+    )
     overlap, rate = np.maximum(-run.gap_m, 0.0), -run.velocity_m_per_s
     lost = float(np.trapezoid(4e3 * overlap * rate**2, run.time_s))
     assert 0.5 * M * (0.265**2 - run.velocity_m_per_s[-1] ** 2) == pytest.approx(lost, rel=1e-6)
@@ -93,7 +95,7 @@ def test_nonlinear_contact_damping_costs_what_its_force_does() -> None:
 )
 def test_forces_with_a_potential_keep_the_energy(name: str, values: tuple[float, ...]) -> None:
     bare = replace(PAPER, contact_damping_n_s_per_m=0.0)
-    run = general.solve(bare, [Active(named(name), values)], np.arange(0, 0.045, 1e-6))
+    run = general.solve(bare, [ActiveEffect(effect_named(name), values)], np.arange(0, 0.045, 1e-6))
     release = run.released
     assert release is not None
     x, v, y, u = release.state[:4]
@@ -105,7 +107,7 @@ def test_forces_with_a_potential_keep_the_energy(name: str, values: tuple[float,
     elif name == "tilt":
         potential -= M * 9.80665 * math.sin(values[0]) * x
     after = 0.5 * M * v**2 + 0.5 * bare.plate_mass_kg * u**2 + potential
-    tolerance = 1e-10 if named(name).rough else 1e-11
+    tolerance = 1e-10 if effect_named(name).rough else 1e-11
     assert after == pytest.approx(0.5 * M * 0.265**2, rel=tolerance)
 
 
@@ -117,7 +119,7 @@ def test_hidden_oscillators_only_hold_energy(name: str) -> None:
         "second_plate_mode": (1e-3, 900.0, 0.0),
         "support_compliance": (2e-5, 300.0),
     }[name]
-    run = general.solve(bare, [Active(named(name), values)], np.arange(0, 0.045, 1e-5))
+    run = general.solve(bare, [ActiveEffect(effect_named(name), values)], np.arange(0, 0.045, 1e-5))
     release = run.released
     assert release is not None
     x, v, y, u, q, w = release.state
@@ -154,7 +156,7 @@ def test_dashpots_of_hidden_oscillators_take_the_power_that_they_should() -> Non
 def test_hertz_contact_with_a_locked_plate_lasts_as_long_as_hertz_says() -> None:
     # t = 2.9432 (delta_max / v): Johnson, "Contact Mechanics", eq. 11.24; stiffness k xi^1.5 / sqrt(xi_0).
     locked = replace(PAPER, plate_stiffness_n_per_m=0.0, plate_mass_kg=math.inf, contact_damping_n_s_per_m=0.0)
-    run = general.solve(locked, [Active(named("contact_exponent"), (0.5,))], np.array([0.02]))
+    run = general.solve(locked, [ActiveEffect(effect_named("contact_exponent"), (0.5,))], np.array([0.02]))
     release = run.released
     assert release is not None
     stiffness = 1e4 / math.sqrt(50e-6)
@@ -184,12 +186,12 @@ def test_plate_in_motion_is_met_where_it_is() -> None:
 def test_sensor_lag_of_a_ramp_is_a_delay_and_of_a_swing_a_low_pass() -> None:
     t = np.arange(4000) * 1e-5
     tau = 5e-5
-    seen = Sensed(t, np.full(t.size, 0.2), 632.8e-9, 1e5)
+    seen = SensorInput(t, np.full(t.size, 0.2), 632.8e-9, 1e5)
     p = np.array([[tau], [0], [0]], dtype=np.complex128)
     ramp = demodulation_lag(seen, (0.2 * t)[:, None].astype(np.complex128), p)[:, 0].real
     assert ramp == pytest.approx(0.2 * (t - tau), abs=1e-15)
     omega = 2 * math.pi * 400
-    seen = Sensed(t, omega * np.cos(omega * t), 632.8e-9, 1e5)
+    seen = SensorInput(t, omega * np.cos(omega * t), 632.8e-9, 1e5)
     swing = demodulation_lag(seen, np.sin(omega * t)[:, None].astype(np.complex128), p)[:, 0].real
     gain, phase = 1 / math.hypot(1, omega * tau), math.atan(omega * tau)
     late = t > 40 * tau
@@ -204,5 +206,5 @@ def test_a_cyclic_error_repeats_along_the_measured_path_where_that_is_known() ->
     p = np.array([[5e-9], [2.0], [0.3]])
     scale = 632.8e-9 / (4 * math.pi)  # of the path, over the phase of the light that shows it
     error = -scale * np.angle(1.0 - 5e-9 / scale * np.exp(1j * (2.0 / scale * (path + frame) + 0.3)))
-    seen = Sensed(t, np.full(t.size, 2e-3), 632.8e-9, 1e6, measured_m=path + frame + error)
+    seen = SensorInput(t, np.full(t.size, 2e-3), 632.8e-9, 1e6, measured_m=path + frame + error)
     assert cyclic_error(seen, path[:, None], p)[:, 0] == pytest.approx(path + error, abs=1e-11)

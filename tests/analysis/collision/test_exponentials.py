@@ -97,10 +97,10 @@ def test_a_step_carries_state_and_derivatives(rows: int) -> None:
     exponentials.series.py_func(z, rows, form, h, by_series, room(rows))
     np.testing.assert_allclose(by_series[:, :rows], exact[:, :rows], rtol=1e-10, atol=1e-12)
     alone = np.full(z.shape, 7.0)
-    exponentials.step_alone.py_func(z, form.e, alone)
+    exponentials.step_without_derivatives.py_func(z, form.e, alone)
     np.testing.assert_allclose(alone[:-1, 0], exact[:-1, 0], rtol=1e-11)
     assert np.all(alone[:, 1:] == 7.0)
-    assert exponentials.along(form.shown, 1, z) == pytest.approx(form.shown[1] @ z[:, 0])
+    assert exponentials.row_times_state(form.shown, 1, z) == pytest.approx(form.shown[1] @ z[:, 0])
 
 
 @ROWS
@@ -108,7 +108,7 @@ def test_a_step_carries_state_and_derivatives(rows: int) -> None:
 def test_a_block_is_so_many_steps_with_their_mean(times: int, rows: int) -> None:
     h, z = 0.2, state(rows)
     form = made(3, h, rows)
-    exponentials.repeat.py_func(form, room(rows), rows, times)
+    exponentials.block_matrices.py_func(form, room(rows), rows, times)
     np.testing.assert_allclose(form.whole, expm(form.a * h * times), rtol=1e-10, atol=1e-13)
     slopes = [slopes_of(form, h * k) for k in range(1, times + 1)]
     np.testing.assert_allclose(form.d_whole, slopes[-1], rtol=1e-9, atol=1e-11)
@@ -116,7 +116,7 @@ def test_a_block_is_so_many_steps_with_their_mean(times: int, rows: int) -> None
     np.testing.assert_allclose(form.mean, form.shown @ mean, rtol=1e-10, atol=1e-12)
     np.testing.assert_allclose(form.d_mean, np.mean(slopes, axis=0)[0], rtol=1e-9, atol=1e-11)
     shown, d_x = np.ones(2), np.ones(rows - 1)
-    exponentials.show_mean.py_func(z, rows, form, shown, d_x, np.full(z.shape[1], np.nan))
+    exponentials.add_block_mean.py_func(z, rows, form, shown, d_x, np.full(z.shape[1], np.nan))
     np.testing.assert_allclose(shown, 1.0 + form.mean @ z[:, 0])
     np.testing.assert_allclose(d_x, 1.0 + form.mean[0] @ z[:, 1:rows] + form.d_mean[:, 1:rows].T @ z[:, 0])
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.collision import first_order, general
-from analysis.collision.effects import named
-from analysis.collision.general import Active
+from analysis.collision.effects import effect_named
+from analysis.collision.general import ActiveEffect
 from analysis.collision.linearisation import linear_path
 from tests.analysis.collision.paths import CASES, RIG, TIME_S, noting, paths_in_python
 
@@ -30,16 +30,16 @@ def test_a_small_effect_does_what_the_solver_differentiates(name: str, place: in
     collision, active = CASES[place]
     if any(one.effect.name == name for one in active):
         return
-    row, values = named(name), SMALL[name]
-    steps = first_order.steps_for(row, values, collision, 2.5e-4)
+    row, values = effect_named(name), SMALL[name]
+    steps = first_order.steps_per_sample(row, values, collision, 2.5e-4)
     path = linear_path(collision, active, TIME_S, steps)
     parameters = np.zeros((2, 3))
     parameters[:, : len(values)] = values
     parameters[1, 0] *= 2.0
-    found = first_order.along(path, row, collision, parameters, TIME_S.size)
+    found = first_order.first_order_change(path, row, collision, parameters, TIME_S.size)
     assert found is not None
     none = values[0] / 1e-3 if row.inverse else 1e-13 * values[0]  # a heavy mode does little
-    beside = sorted([*active, Active(row, (none, *values[1:]))], key=lambda one: one.effect.hidden == 0)
+    beside = sorted([*active, ActiveEffect(row, (none, *values[1:]))], key=lambda one: one.effect.hidden == 0)
     slot = [one.effect.name for one in beside].index(name)
     run = general.solve(collision, beside, TIME_S, directions=[general.direction(slot, 0)])
     exact = run.displacement_derivatives[:, 0] * (-(none**2) / values[0] if row.inverse else values[0])
@@ -50,15 +50,15 @@ def test_a_small_effect_does_what_the_solver_differentiates(name: str, place: in
 
 def test_what_cannot_be_followed_to_first_order_has_no_answer() -> None:
     path = linear_path(RIG, [], TIME_S)
-    assert first_order.along(path, named("adhesion"), RIG, np.ones((1, 3)), TIME_S.size) is None
-    assert first_order.along(path, named("sensor_drift"), RIG, np.ones((1, 3)), TIME_S.size) is None
+    assert first_order.first_order_change(path, effect_named("adhesion"), RIG, np.ones((1, 3)), TIME_S.size) is None
+    assert first_order.first_order_change(path, effect_named("sensor_drift"), RIG, np.ones((1, 3)), TIME_S.size) is None
 
 
 @pytest.mark.parametrize(("turns", "steps"), [(0.49, 1), (0.51, 2), (0.99, 2), (1.01, 4), (4.1, 16)])
 def test_a_sample_is_divided_into_a_power_of_two_steps_of_half_a_radian(turns: float, steps: int) -> None:
-    row = named("block_mode")
+    row = effect_named("block_mode")
     rate = row.fastest(np.array([1e-5, 100.0, 0.01]), RIG)
-    assert first_order.steps_for(row, (1e-5, 100.0, 0.01), RIG, turns / rate) == steps
+    assert first_order.steps_per_sample(row, (1e-5, 100.0, 0.01), RIG, turns / rate) == steps
 
 
 @pytest.mark.parametrize("hidden", [0, 2])
@@ -69,6 +69,6 @@ def test_the_room_of_a_march_is_what_its_arrays_take(count: int, hidden: int, pl
     plain.setattr(first_order, "cut_integers", noting(first_order.cut_integers, taken))
     path = linear_path(RIG, CASES[3][1][:1] if hidden else [], TIME_S)
     parameters = np.tile([1e-9, 120.0, 0.1], (count, 1))
-    first_order.along(path, named("block_mode"), RIG, parameters, TIME_S.size)
-    room = first_order._room_for(path.propagator.shape[1], count)
+    first_order.first_order_change(path, effect_named("block_mode"), RIG, parameters, TIME_S.size)
+    room = first_order._room_size(path.propagator.shape[1], count)
     assert room - 20 - 4 * count <= max(taken) <= room

@@ -47,14 +47,14 @@ def test_derivatives_are_those_of_the_solution(name: str) -> None:
     larger = 1.0 if effect.inverse else 10.0  # so that rounding stays small beside the effect
     values = tuple((larger if p.name == effect.amplitude else 1.0) * p.scale for p in effect.parameters)
     places = [general.direction(0, place) for place in range(len(values))]
-    run = general.solve(PAPER, [general.Active(effect, values)], TIME_S, directions=places)
+    run = general.solve(PAPER, [general.ActiveEffect(effect, values)], TIME_S, directions=places)
     for place, value in enumerate(values):
         # A central difference of third order: steps of h and 2 h.
         h = 2e-3 * value
         shifted = []
         for times in (-2, -1, 1, 2):
             other = tuple(v + times * h if p == place else v for p, v in enumerate(values))
-            shifted.append(general.solve(PAPER, [general.Active(effect, other)], TIME_S).displacement_m)
+            shifted.append(general.solve(PAPER, [general.ActiveEffect(effect, other)], TIME_S).displacement_m)
         difference = (shifted[0] - 8 * shifted[1] + 8 * shifted[2] - shifted[3]) / (12 * h)
         column = run.displacement_derivatives[:, place]
         # Events cross the sampling instants between the four solutions; their kinks are what is left.
@@ -65,14 +65,14 @@ def test_derivatives_are_those_of_the_solution(name: str) -> None:
 def test_a_law_may_have_many_coefficients() -> None:
     parameters = tuple(Parameter(f"c_{k}", "", 1.0) for k in range(5))
     law = Effect("of_the_bend", "", Acts.ON_PLATE, parameters, "c_0", of_the_bend)
-    friction = general.Active(CATALOGUE["coulomb_friction"], (2e-5,))
+    friction = general.ActiveEffect(CATALOGUE["coulomb_friction"], (2e-5,))
     by = [*(general.direction(0, k) for k in range(5)), general.direction(1, 0)]
-    run = general.solve(PAPER, [general.Active(law, BENDS), friction], TIME_S, directions=by)
+    run = general.solve(PAPER, [general.ActiveEffect(law, BENDS), friction], TIME_S, directions=by)
     for k, value in enumerate(BENDS):
         sides = []
         for sign in (1, -1):
             moved = tuple(v * (1 + 1e-4 * sign) if i == k else v for i, v in enumerate(BENDS))
-            sides.append(general.solve(PAPER, [general.Active(law, moved), friction], TIME_S).displacement_m)
+            sides.append(general.solve(PAPER, [general.ActiveEffect(law, moved), friction], TIME_S).displacement_m)
         column = run.displacement_derivatives[:, k] * value
         difference = (sides[0] - sides[1]) / 2e-4
         assert np.abs(difference - column).max() < 2e-4 * np.abs(column).max() + 1e-11
@@ -102,7 +102,7 @@ def test_a_block_that_hardly_leaves_the_range_of_an_attraction_leaves_it(share: 
     time_s = np.arange(400) * 1e-5
 
     def run(effect: Effect, range_m: float) -> general.Trajectory:
-        return general.solve(PAPER, [general.Active(effect, (6e-5, range_m))], time_s)
+        return general.solve(PAPER, [general.ActiveEffect(effect, (6e-5, range_m))], time_s)
 
     adhesion = CATALOGUE["adhesion"]
     far = run(adhesion, 1e-3)

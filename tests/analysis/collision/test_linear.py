@@ -26,12 +26,12 @@ LINEAR = (
 OTHERS = ("quadratic_drag", "cubic_stiffness", "contact_exponent", "nonlinear_contact_damping")
 
 
-def active(*names: str) -> list[general.Active]:
+def active(*names: str) -> list[general.ActiveEffect]:
     rows = sorted((CATALOGUE[name] for name in names), key=lambda row: row.hidden == 0)
-    return [general.Active(row, tuple(p.scale for p in row.parameters)) for row in rows]
+    return [general.ActiveEffect(row, tuple(p.scale for p in row.parameters)) for row in rows]
 
 
-def directions(effects: Sequence[general.Active]) -> list[int]:
+def directions(effects: Sequence[general.ActiveEffect]) -> list[int]:
     own = [general.direction(slot, place) for slot, one in enumerate(effects) for place in range(len(one.values))]
     return [0, 1, 2, 3, 4, *own]
 
@@ -125,7 +125,7 @@ def test_means_without_derivatives_are_those_with_them(names: tuple[str, ...], a
 
 
 def test_means_hold_where_something_swings_faster_than_they_show(asked: list[int]) -> None:
-    effects = [general.Active(CATALOGUE["second_plate_mode"], (5e-3, 5000.0, 0.01))]
+    effects = [general.ActiveEffect(CATALOGUE["second_plate_mode"], (5e-3, 5000.0, 0.01))]
     every = general.solve(PAPER, effects, TIME_S, directions=directions(effects))
     means = general.solve(PAPER, effects, TIME_S, directions=directions(effects), block=5)
     assert min(asked) > 0
@@ -148,7 +148,7 @@ def test_what_is_not_linear_is_seen(name: str, asked: list[int]) -> None:
 
 def test_what_is_linear_only_as_its_coefficient_is_zero_is_seen(asked: list[int]) -> None:
     """Its motion is linear, but what a change of the coefficient does is not."""
-    none, some = (general.Active(CATALOGUE["cubic_stiffness"], (value,)) for value in (0.0, 1e3))
+    none, some = (general.ActiveEffect(CATALOGUE["cubic_stiffness"], (value,)) for value in (0.0, 1e3))
     run = general.solve(PAPER, [none], TIME_S, directions=[general.direction(0, 0)])
     assert asked == [march.NOT_LINEAR]
     moved = general.solve(PAPER, [some], TIME_S).displacement_m - run.displacement_m
@@ -159,9 +159,9 @@ def test_what_is_linear_only_as_its_coefficient_is_zero_is_seen(asked: list[int]
 def test_hidden_states_are_shown_between_steps_as_they_are_solved(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of an arm that relaxes one number is shown, by a cubic between steps; of what swings two, by a quintic."""
     effects, within = active(name), TIME_S[(TIME_S > 0.0) & (TIME_S < 0.028)]
-    closed = general.recorded(PAPER, effects, within).states
+    closed = general.solve_with_modes(PAPER, effects, within).states
     monkeypatch.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
-    stepped = general.recorded(PAPER, effects, within).states
+    stepped = general.solve_with_modes(PAPER, effects, within).states
     assert closed.shape == stepped.shape and closed.shape[1] == 6
     assert np.all(np.abs(stepped - closed).max(axis=0) <= 2e-6 * np.abs(closed).max(axis=0))
     assert np.abs(closed[:, 4]).max() > 1e-6

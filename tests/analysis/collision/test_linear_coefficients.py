@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.effects.kernel import (
     BLOCK_MASS,
     FORCE,
@@ -28,7 +28,7 @@ POINTS[:, SIGN_V], POINTS[:, BLOCK_MASS], POINTS[:, PLATE_STIFFNESS] = -1.0, 0.0
 
 
 def in_state(name: str, *starts: tuple[float, ...], points: np.ndarray = POINTS) -> np.ndarray | None:
-    kernel, out = named(name).kernel, np.zeros((OUTPUTS, SEEN + 1, len(starts)))
+    kernel, out = effect_named(name).kernel, np.zeros((OUTPUTS, SEEN + 1, len(starts)))
     assert kernel is not None
     parameters = np.array([[*values, 0.0, 0.0][:3] for values in starts])
     linear = state_coefficients(address(kernel), points.copy(), parameters, out, np.zeros(ROOM))
@@ -76,7 +76,7 @@ def test_what_is_not_linear_in_the_state_is_refused() -> None:
 
 def test_a_hidden_state_is_linear_or_refused() -> None:
     def hidden(name: str, *values: float) -> np.ndarray | None:
-        kernel, out = named(name).kernel, np.zeros((OUTPUTS, 2, 1))
+        kernel, out = effect_named(name).kernel, np.zeros((OUTPUTS, 2, 1))
         assert kernel is not None
         parameters = np.array([[*values, 0.0, 0.0][:3]])
         return out[:, :, 0] if coefficients(address(kernel), POINTS.copy(), parameters, out, np.zeros(ROOM)) else None

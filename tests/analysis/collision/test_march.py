@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from analysis.collision import (
-    acting,
     general,
     march,
+    mechanical_effects,
     propagator,
     runge_kutta,
 )
-from analysis.collision.effects import named
-from analysis.collision.general import Active, direction
+from analysis.collision.effects import effect_named
+from analysis.collision.general import ActiveEffect, direction
 from analysis.collision.parameters import KERNEL_ORDER, Collision, Variant
 from tests.analysis.collision.hybrid import Beside, Hybrid, moved
 from tests.analysis.collision.plain import solver_in_python
@@ -32,22 +32,22 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
     yield monkeypatch
 
 
-def effects_of(beside: Beside) -> tuple[list[Active], dict[str, int]]:
+def effects_of(beside: Beside) -> tuple[list[ActiveEffect], dict[str, int]]:
     """Return the catalogue's effects that are these, and the directions of their numbers."""
     out, at = [], {}
     if beside.mode:
         mass, omega, damping = beside.mode
         at |= {"mode.0": direction(0, 0), "mode.2": direction(0, 2)}
-        out.append(Active(named("block_mode"), (mass, omega / (2 * np.pi), damping)))
+        out.append(ActiveEffect(effect_named("block_mode"), (mass, omega / (2 * np.pi), damping)))
     if beside.adhesion:
         at |= {f"adhesion.{k}": direction(len(out), k) for k in (0, 1)}
-        out.append(Active(named("adhesion"), beside.adhesion))
+        out.append(ActiveEffect(effect_named("adhesion"), beside.adhesion))
     if beside.friction_n:
         at["friction_n"] = direction(len(out), 0)
-        out.append(Active(named("coulomb_friction"), (beside.friction_n,)))
+        out.append(ActiveEffect(effect_named("coulomb_friction"), (beside.friction_n,)))
     if beside.cubic_n_per_m3:
         at["cubic_n_per_m3"] = direction(len(out), 0)
-        out.append(Active(named("cubic_stiffness"), (beside.cubic_n_per_m3,)))
+        out.append(ActiveEffect(effect_named("cubic_stiffness"), (beside.cubic_n_per_m3,)))
     return out, at
 
 
@@ -128,7 +128,7 @@ def test_times_may_lie_on_one_side_of_the_touch_alone(place: int) -> None:
 
 def test_of_two_attractions_the_one_that_reaches_further_begins() -> None:
     """Each ends and begins at its own range, on the way in as on the way out."""
-    pulls = [Active(named("adhesion"), (force, reach)) for force, reach in ((3e-3, 4e-5), (2e-3, 8e-5))]
+    pulls = [ActiveEffect(effect_named("adhesion"), (force, reach)) for force, reach in ((3e-3, 4e-5), (2e-3, 8e-5))]
     run, other = (general.solve(RIG, order, TIME_S, directions=[4]) for order in (pulls, pulls[::-1]))
     np.testing.assert_allclose(run.displacement_m, other.displacement_m, atol=1e-15)
     assert [event.kind for event in run.events] == [event.kind for event in other.events]
@@ -150,8 +150,10 @@ def test_the_room_of_a_solution_is_what_its_arrays_take(
     count: int, names: tuple[str, ...], plain: pytest.MonkeyPatch
 ) -> None:
     """But for a row of a state, which either stepper may leave."""
-    effects = [Active(named(name), tuple(p.scale for p in named(name).parameters)) for name in names]
-    laid = acting.lay_out(RIG, effects, list(range(count)))
+    effects = [
+        ActiveEffect(effect_named(name), tuple(p.scale for p in effect_named(name).parameters)) for name in names
+    ]
+    laid = mechanical_effects.build_system(RIG, effects, list(range(count)))
     record = general._record(TIME_S, 1, laid, 5)
     room, taken = march.room_for(laid, record), []
     plain.setattr(march, "march", lambda *_: 0)
@@ -176,15 +178,15 @@ def test_a_solution_that_does_not_end_says_why(stepper: str, plain: pytest.Monke
     if stepper == "step_by_step":
         plain.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
     few = TIME_S[:60]
-    plain.setattr(march, "STEPS_IN_ALL", 10.0)
-    plain.setattr(march, "STEPS_A_SAMPLE", 0.0)
+    plain.setattr(march, "MAX_STEPS", 10.0)
+    plain.setattr(march, "MAX_STEPS_PER_SAMPLE", 0.0)
     with pytest.raises(general.TooManyEvents, match="more steps"):
         general.solve(RIG, [], few, directions=[0])
-    plain.setattr(march, "STEPS_A_SAMPLE", 1e4)
+    plain.setattr(march, "MAX_STEPS_PER_SAMPLE", 1e4)
     plain.setattr(march, "MAX_EVENTS", 1)
     with pytest.raises(general.TooManyEvents, match="contact events"):
         general.solve(RIG, [], TIME_S[:100])
-    heavy = Active(named("block_mode"), (1.5 * RIG.block_mass_kg, 100.0, 0.1))
+    heavy = ActiveEffect(effect_named("block_mode"), (1.5 * RIG.block_mass_kg, 100.0, 0.1))
     with pytest.raises(general.UnboundedMotion):
         general.solve(RIG, [heavy], few)
 

@@ -10,10 +10,10 @@ from analysis.collision import modes
 from analysis.collision.modes import (
     CLAMPED,
     CONTACT,
-    DASH,
+    DASHPOT,
     FORCE,
     FREE,
-    INSIDE,
+    INNER_MASS,
     NEAR_0,
     NO_TENSION,
     OVERLAP,
@@ -45,7 +45,13 @@ def flags(phase: int, *, plate: float = 1.0, sign: float = -1.0, near: tuple[flo
 )
 def test_the_flags_of_a_phase(phase: int, spring: float, dash: float, parted: float) -> None:
     mode = flags(phase)
-    assert (mode[PHASE], mode[SPRING], mode[DASH], mode[PARTED], mode[INSIDE]) == (phase, spring, dash, parted, 0.0)
+    assert (mode[PHASE], mode[SPRING], mode[DASHPOT], mode[PARTED], mode[INNER_MASS]) == (
+        phase,
+        spring,
+        dash,
+        parted,
+        0.0,
+    )
 
 
 def slots_of(*ranges: float, moves: float | tuple[float, ...] = 0.0) -> np.ndarray:
@@ -119,12 +125,12 @@ def test_a_block_has_gone_where_nothing_can_meet_it_again(
     z: tuple[float, ...], omega: float, slots: np.ndarray, near: tuple[float, ...], gone: bool
 ) -> None:
     system = SimpleNamespace(slots=slots, p=np.array([5e-3]))
-    assert bool(modes.is_gone.py_func(np.array(z), flags(FREE, near=near), system, omega)) is gone
+    assert bool(modes.has_left_for_good.py_func(np.array(z), flags(FREE, near=near), system, omega)) is gone
 
 
 def test_a_block_need_only_be_asked_for_where_it_is_free_and_far() -> None:
     def asked(x: float, y: float, mode: np.ndarray) -> bool:
-        return bool(modes.may_be_gone.py_func(x, y, mode))
+        return bool(modes.may_have_left_for_good.py_func(x, y, mode))
 
     assert asked(2.31e-5, -2e-6, flags(FREE)) and not asked(2.29e-5, -2e-6, flags(FREE))
     assert not asked(1.0, 0.0, flags(CONTACT)) and not asked(1.0, 0.0, flags(FREE, plate=0.0))

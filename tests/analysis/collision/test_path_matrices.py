@@ -23,7 +23,7 @@ def carried(path: LinearPath, begin: np.ndarray, samples: int) -> np.ndarray:
         if path.early[r]:
             continue
         if not path.linked[r]:
-            d = d + path.kick[r] * (path.watch[r, :-1] @ d)
+            d = d + path.event_jump[r] * (path.event_gradient[r, :-1] @ d)
         d = path.propagator[r] @ d
         if path.sample[r] >= 0:
             out[path.sample[r]] = d[0]

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.effects import CATALOGUE, WIDER, named, on_sensor, sensors
+from analysis.collision.effects import CATALOGUE, WIDER_EFFECTS, effect_named, on_sensor, sensor_effects
 from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.collision.effects.on_sensor import plate_on_frame, plate_response_to_frame
 from analysis.collision.parameters import Variant
@@ -35,7 +35,7 @@ def model_of(truth: Truth, trajectory: Trajectory, size: int) -> ShotModel:
     shared = [b.plate_stiffness_n_per_m, b.plate_mass_kg, b.contact_stiffness_n_per_m, b.contact_damping_n_s_per_m]
     own = np.array([trajectory.velocity_in_m_per_s + foot, touch, 0.0])
     samples = samples_at(np.arange(size) * 1e-5, 1, b.block_mass_kg)
-    values = {named(name): given for name, given in truth.effects.items()}
+    values = {effect_named(name): given for name, given in truth.effects.items()}
     return ShotModel(samples, Base(Variant.PAPER, False), np.array(shared), own, values)
 
 
@@ -46,7 +46,7 @@ def moved(shot: ShotModel, name: str, by: float) -> ShotModel:
         return replace(shot, shared=shot.shared + by * np.array([other == name for other in base]))
     if name in line:
         return replace(shot, own=shot.own + by * np.array([other == name for other in line]))
-    effect, parameter = named(name.split(".")[0]), name.split(".")[1]
+    effect, parameter = effect_named(name.split(".")[0]), name.split(".")[1]
     given = shot.values[effect]
     return replace(shot, values={**shot.values, effect: {**given, parameter: given[parameter] + by}})
 
@@ -108,8 +108,8 @@ def test_the_contact_point_swings_as_a_foot_moves_it() -> None:
 
 
 def test_it_stands_where_the_narrow_one_does() -> None:
-    order = [row.name for row in sensors([*CATALOGUE.values(), *WIDER.values()])]
+    order = [row.name for row in sensor_effects([*CATALOGUE.values(), *WIDER_EFFECTS.values()])]
     assert order.index(NAME) == order.index("frame_vibration") + 1
-    for row in WIDER.values():
+    for row in WIDER_EFFECTS.values():
         narrow = CATALOGUE[row.widens]
         assert row.parameters[: len(narrow.parameters)] == narrow.parameters and row.amplitude == narrow.amplitude

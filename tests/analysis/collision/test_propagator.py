@@ -11,8 +11,17 @@ from analysis.collision import exponentials, matrices, modes, system, two_bodies
 from analysis.collision import propagator as module
 from analysis.collision.matrices import SLOW, STEP_S, STEPS_PER_SAMPLE, TERMS
 from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAP, PHASE, PLATE, VELOCITY
-from analysis.collision.propagator import CAREFUL, LEFT, MET, NOW
-from analysis.collision.system import AT_A_GUARD, AWAY, DONE, ENDLESS, GONE, STEPS_LEFT, TIME, Ahead
+from analysis.collision.propagator import CHECKED_BLOCK, MODES_MET, PRESENT, STEPS_TO_SAMPLE
+from analysis.collision.system import (
+    DONE,
+    LEFT_FOR_GOOD,
+    MAY_CONTAIN_EVENT,
+    NOT_FINITE,
+    STEP_LIMIT,
+    STEPS_LEFT,
+    TIME,
+    Ahead,
+)
 from tests.analysis.collision.plain import made_plain
 
 N = 5
@@ -93,7 +102,7 @@ def test_steps_are_as_long_as_the_fastest_rate_of_the_mode_allows(
         form.guard[:] = 0.0
         form.guard[OVERLAP] = [-1.0, 0.0, 1.5, 0.0, 0.25]
         laid: Any = SimpleNamespace(which=np.array([], dtype=int))
-        assert module._learn(made, form, laid, mode, block, forward)
+        assert module._linearise_mode(made, form, laid, mode, block, forward)
         step = (spacing if forward else -spacing) / pieces
         assert form.steps[STEPS_PER_SAMPLE] == pieces and form.steps[STEP_S] == pytest.approx(step)
         np.testing.assert_allclose(form.e, expm(A * step), rtol=1e-12, atol=1e-15)
@@ -105,32 +114,32 @@ def test_steps_are_as_long_as_the_fastest_rate_of_the_mode_allows(
             np.testing.assert_allclose(form.whole, expm(2 * A * step), rtol=1e-12, atol=1e-15)
     long = stepper_of(record_of(np.arange(4.0) * 2.5e-3), swings=(1e-9,) * 4 + (0.0,))
     form = matrices.form_at(long.kept, 0)
-    module._learn(long, form, laid, mode, 1, forward)
+    module._linearise_mode(long, form, laid, mode, 1, forward)
     assert form.steps[STEPS_PER_SAMPLE] == 3  # a millisecond at most
     plain.setattr(module, "linearise", lambda *_: False)
-    assert not module._learn(long, form, laid, mode, 1, forward)
+    assert not module._linearise_mode(long, form, laid, mode, 1, forward)
 
 
 def test_a_mode_is_learned_once_and_the_oldest_forgotten(plain: pytest.MonkeyPatch) -> None:
     made = stepper_of(record_of(np.arange(4.0)), count=1)
     learned: list[int] = []
-    plain.setattr(module, "_learn", lambda *given: learned.append(int(given[0].at[NOW])) or True)
+    plain.setattr(module, "_linearise_mode", lambda *given: learned.append(int(given[0].at[PRESENT])) or True)
     here = SimpleNamespace(z=np.array([[1.0, 2.0, 3.0, 4.0], [5.0, 6.0, 7.0, 8.0]]))
     laid: Any = SimpleNamespace(which=np.array([3]), numbers=4)
 
     def arm(flag: float) -> int:
         mode = np.zeros(NEAR_0)
         mode[-1] = flag
-        made.at[LEFT] = 9
+        made.at[STEPS_TO_SAMPLE] = 9
         moving: Any = SimpleNamespace(here=here, mode=mode, signs=np.array([0.0, 1.0, 0.0, -1.0]))
-        assert module.arm(made, laid, moving, record_of(np.arange(4.0)), True)
-        assert made.at[LEFT] == 0 and made.active[:3].tolist() == [2, 1, 3]
+        assert module.begin_mode(made, laid, moving, record_of(np.arange(4.0)), True)
+        assert made.at[STEPS_TO_SAMPLE] == 0 and made.active[:3].tolist() == [2, 1, 3]
         np.testing.assert_allclose(made.z[0, :4, :2], here.z.T)
         assert made.z[0, 4, 0] == 1.0
-        return int(made.at[NOW])
+        return int(made.at[PRESENT])
 
     assert [arm(flag) for flag in (0.0, 1.0, 0.0, 1.0, 2.0)] == [0, 1, 0, 1, 2] and learned == [0, 1, 2]
-    assert [arm(float(flag)) for flag in range(3, 17)] == [*range(3, 16), 0] and made.at[MET] == 17
+    assert [arm(float(flag)) for flag in range(3, 17)] == [*range(3, 16), 0] and made.at[MODES_MET] == 17
     assert arm(16.0) == 0 and arm(1.0) == 1 and arm(0.0) == 1 and len(learned) == 18  # the first was forgotten
 
 
@@ -154,7 +163,7 @@ class Path:
         form.guard_rate[:] = 0.0
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(module, "linearise", lambda form, *_: form.a.__setitem__(slice(None), A) is None)
-            module._learn(self.made, form, self.laid, self.mode, block, forward)
+            module._linearise_mode(self.made, form, self.laid, self.mode, block, forward)
         self.form = form
         self.made.z[0, :, 0] = begin
         here = SimpleNamespace(z=np.zeros((1 + count, 4)))
@@ -201,7 +210,7 @@ def test_steps_are_counted_and_a_solution_without_an_end_is_left() -> None:
     path.form.by[:] = 0.0
     path.motion.clock[STEPS_LEFT] = 20.0
     i, _, why = path.run()
-    assert why == ENDLESS and i == 5  # three steps and the sample itself
+    assert why == STEP_LIMIT and i == 5  # three steps and the sample itself
     done = Path(H * np.arange(1, 4), count=1, swing=4000.0)
     done.form.by[:] = 0.0
     assert done.run()[2] == DONE and done.motion.clock[STEPS_LEFT] == 1e9 - 12.0
@@ -216,12 +225,12 @@ def test_it_ends_before_a_guard_passes_zero(count: int, item: int) -> None:
     row[4] = -row @ expm(A * H * 6.5) @ BEGIN
     row *= np.sign(row @ BEGIN)
     path.watch(item, row)
-    assert path.run() == (6, pytest.approx(H), AT_A_GUARD)
+    assert path.run() == (6, pytest.approx(H), MAY_CONTAIN_EVENT)
     np.testing.assert_allclose(path.motion.here.z[0], (expm(A * 6 * H) @ BEGIN)[:4], rtol=1e-11)
     again = Path(H * np.arange(1, 20), count=count)
     again.form.by[:] = 0.0
     again.watch(item, -row)  # it has just been dealt with
-    assert again.run(cleared=True)[2] == AT_A_GUARD and again.motion.clock[TIME] == pytest.approx(H)
+    assert again.run(cleared=True)[2] == MAY_CONTAIN_EVENT and again.motion.clock[TIME] == pytest.approx(H)
 
 
 def test_a_guard_that_dips_within_a_step_is_seen_of_the_contact_alone() -> None:
@@ -248,7 +257,7 @@ def test_a_guard_that_dips_within_a_step_is_seen_of_the_contact_alone() -> None:
 
 def test_a_run_ends_where_the_block_has_gone_or_the_motion_runs_away(plain: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
-    plain.setattr(module, "is_gone", lambda z, mode, laid, omega: asked.append((z.tolist(), omega)) or True)
+    plain.setattr(module, "has_left_for_good", lambda z, mode, laid, omega: asked.append((z.tolist(), omega)) or True)
     for count in (0, 1):
         gone = Path(H * np.arange(1, 9), phase=FREE, count=count)
         gone.form.by[:] = 0.0
@@ -256,7 +265,9 @@ def test_a_run_ends_where_the_block_has_gone_or_the_motion_runs_away(plain: pyte
         gone.made.z[0, :, 0] = begin
         if count:
             gone.made.z[0, :4, 1] = 7.0
-        assert gone.run()[::2] == (0, GONE) and gone.motion.here.z.tolist() == [begin[:4]] + [[7.0] * 4] * count
+        assert (
+            gone.run()[::2] == (0, LEFT_FOR_GOOD) and gone.motion.here.z.tolist() == [begin[:4]] + [[7.0] * 4] * count
+        )
         assert asked[-1] == (begin[:4], pytest.approx(np.sqrt(3.0)))
     back = Path(-H * np.arange(8, 0, -1), phase=FREE, forward=False)
     assert back.run(7)[2] == DONE
@@ -265,7 +276,7 @@ def test_a_run_ends_where_the_block_has_gone_or_the_motion_runs_away(plain: pyte
         lost.form.by[:] = 0.0
         lost.made.z[0, place, 0] = np.inf
         with np.errstate(invalid="ignore"):
-            assert lost.run()[2] == AWAY
+            assert lost.run()[2] == NOT_FINITE
 
 
 @pytest.mark.parametrize("forward", [True, False])
@@ -287,7 +298,7 @@ def test_means_are_taken_whole_where_nothing_happens_and_sample_by_sample_elsewh
     row *= np.sign(row @ BEGIN)
     path.watch(OVERLAP, row)
     i, h, why = path.run(0 if forward else 15)
-    assert (i, why) == (10 if forward else 5, AT_A_GUARD) and h == pytest.approx(way * H)
+    assert (i, why) == (10 if forward else 5, MAY_CONTAIN_EVENT) and h == pytest.approx(way * H)
     every = np.array([expm(A * t) for t in times])
     states = every @ BEGIN
     blocks = [0, 1] if forward else [3, 2]
@@ -298,4 +309,4 @@ def test_means_are_taken_whole_where_nothing_happens_and_sample_by_sample_elsewh
     part = slice(8, 10) if forward else slice(6, 8)
     b = 2 if forward else 1
     np.testing.assert_allclose(path.record.states[b, :4], states[part, :4].sum(axis=0) / 4, rtol=1e-10)
-    assert path.made.at[CAREFUL] in (8, 7, -1)
+    assert path.made.at[CHECKED_BLOCK] in (8, 7, -1)

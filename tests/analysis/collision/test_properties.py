@@ -9,7 +9,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from analysis.collision import general
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER, Collision, Variant
 from tests.analysis.collision.simulated import with_vector
 
@@ -101,7 +101,7 @@ def test_derivatives_are_those_of_the_trajectory(rig: Collision, place: int) -> 
 )
 def test_with_a_potential_the_film_runs_backwards(name: str, values: tuple[float, ...]) -> None:
     bare = replace(PAPER, contact_damping_n_s_per_m=0.0)
-    effects = [general.Active(named(name), values)]
+    effects = [general.ActiveEffect(effect_named(name), values)]
     there = general.solve(bare, effects, np.array([0.0, 0.06]))
     release = there.released
     assert release is not None

@@ -32,7 +32,7 @@ from analysis.collision.effects.kernel import (
     X,
     Y,
 )
-from analysis.collision.modes import CONTACT, FREE, INSIDE, NEAR_0, OVERLAPPED, PARTING, PLATE, SIGN
+from analysis.collision.modes import CONTACT, FREE, INNER_MASS, NEAR_0, OVERLAPPED, PARTING, PLATE, SIGN
 from analysis.collision.system import (
     FIRST,
     HIDDEN,
@@ -95,7 +95,7 @@ def laid_out(which: list[int]) -> System:
 
 def mode_of(phase: int, *, plate: float = 1.0, inside: float = 1.0, near: float = 1.0) -> np.ndarray:
     mode = np.zeros(NEAR_0 + 4)
-    mode[[PLATE, INSIDE, SIGN]] = plate, inside, -1.0
+    mode[[PLATE, INNER_MASS, SIGN]] = plate, inside, -1.0
     mode[NEAR_0 + 2] = near
     modes.set_phase(phase, mode)
     return mode

@@ -35,8 +35,13 @@ def test_what_an_effect_says_of_itself() -> None:
     assert replace(one, locked=on_plate.cubic_contact).one_body
     assert one == replace(one, words="other") != replace(one, name="other") and len({one, replace(one, words="x")}) == 1
     nothing_more = {name: getattr(one, name) for name in Effect.__slots__[5:]}
-    assert {name for name, value in nothing_more.items() if value} == {"range_at", "grows_as", "fastest", "stiffens"}
-    assert (one.range_at, one.grows_as, one.fastest(np.ones(1), PAPER), one.stiffens(np.ones(1), PAPER)) == (
+    assert {name for name, value in nothing_more.items() if value} == {
+        "range_at",
+        "response_power",
+        "fastest",
+        "stiffens",
+    }
+    assert (one.range_at, one.response_power, one.fastest(np.ones(1), PAPER), one.stiffens(np.ones(1), PAPER)) == (
         -1,
         1,
         0,

@@ -7,7 +7,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER, in_contact, named, on_block, on_plate, on_sensor
+from analysis.collision.effects import (
+    CATALOGUE,
+    NUISANCES,
+    WIDER_EFFECTS,
+    effect_named,
+    in_contact,
+    on_block,
+    on_plate,
+    on_sensor,
+)
 from analysis.collision.effects.kernel import (
     BLOCK_MASS,
     CONTACT_STIFFNESS,
@@ -27,10 +36,10 @@ from analysis.collision.effects.kernel import (
     Q,
     W,
 )
-from analysis.collision.effects.row import Acts, Effect, Sensed
-from analysis.shot.quantity import words_and_unit
+from analysis.collision.effects.row import Acts, Effect, SensorInput
+from analysis.shot.quantity import split_unit
 
-ROWS = [*CATALOGUE.values(), *WIDER.values()]
+ROWS = [*CATALOGUE.values(), *WIDER_EFFECTS.values()]
 KERNELS = [row for row in ROWS if row.kernel is not None]
 SENSORS = [row for row in ROWS if row.sensor is not None]
 LOSSES = {  # less than nothing of them would drive the block
@@ -67,8 +76,8 @@ def test_a_force_acts_where_the_row_says(row: Effect) -> None:
     allowed = {Acts.ON_BLOCK: {ON_BLOCK, MASS}, Acts.ON_PLATE: {ON_PLATE}, Acts.IN_CONTACT: {PAIR}}[row.acts]
     assert on <= allowed and (on or row.shift)
     assert row.hidden == sum(out[place] != 0.0 for place in (Q_RATE, W_RATE))
-    assert row.rides is (row.acts is Acts.ON_BLOCK and row.hidden > 0)
-    assert not row.rides or MASS in on  # what moves within the block is a part of its mass
+    assert row.moves_with_block is (row.acts is Acts.ON_BLOCK and row.hidden > 0)
+    assert not row.moves_with_block or MASS in on  # what moves within the block is a part of its mass
     # what moves the contact point does so by a coordinate of its own, whose rate is its second number
     if row.hidden == 2:
         faster = outputs(row, {W: 9.0})
@@ -147,11 +156,11 @@ def test_what_a_parameter_is_stands_in_its_name() -> None:
     own, logarithms = set(), set()
     for row in (*ROWS, *NUISANCES.values()):
         for p in row.parameters:
-            assert p.unit == words_and_unit(p.name)[1], (row.name, p.name)
+            assert p.unit == split_unit(p.name)[1], (row.name, p.name)
             own |= {(row.name, p.name)} if p.own else set()
             logarithms |= {(row.name, p.name)} if p.logarithmic else set()
         assert row.in_series in (None, tuple(p.name for p in row.parameters)), row.name
-        assert row.amplitude == row.parameters[0].name and row.delays in ("", row.amplitude)
+        assert row.amplitude == row.parameters[0].name and row.delay_parameter in ("", row.amplitude)
     assert own == {(row.name, "phase_rad") for row in ROWS if "phase_rad" in [p.name for p in row.parameters]} | {
         ("plate_motion", "velocity_m_per_s"), ("plate_motion", "displacement_m"),
         ("flight_acceleration", "before_m_per_s2"), ("flight_acceleration", "after_m_per_s2"),
@@ -172,7 +181,7 @@ def test_where_the_plate_is_locked_its_cubic_spring_is_the_contacts_own() -> Non
 
 
 def test_a_contact_exponent_leaves_the_spring_as_it_is_at_50_um_and_acts_in_an_overlap_alone() -> None:
-    row, k = named("contact_exponent"), {CONTACT_STIFFNESS: 3e3}
+    row, k = effect_named("contact_exponent"), {CONTACT_STIFFNESS: 3e3}
     # of Hertz twice as stiff at four times the overlap
     for xi, more in ((50e-6, 0.0), (200e-6, 3e3 * 200e-6), (12.5e-6, -0.5 * 3e3 * 12.5e-6), (-200e-6, 0.0)):
         assert outputs(row, k | {XI: xi}, delta=0.5)[PAIR] == pytest.approx(more, abs=1e-15)
@@ -180,14 +189,14 @@ def test_a_contact_exponent_leaves_the_spring_as_it_is_at_50_um_and_acts_in_an_o
 
 
 def test_a_tilted_block_is_pulled_by_its_weights_share() -> None:
-    assert outputs(named("tilt"), {BLOCK_MASS: 2.0}, angle_rad=math.pi / 6)[ON_BLOCK] == pytest.approx(9.80665)
+    assert outputs(effect_named("tilt"), {BLOCK_MASS: 2.0}, angle_rad=math.pi / 6)[ON_BLOCK] == pytest.approx(9.80665)
 
 
 TIME_S = 3.0 + np.linspace(0.0, 0.02, 2001)
 
 
-def seen(velocity: np.ndarray, wavelength_m: float = 633e-9) -> Sensed:
-    return Sensed(TIME_S, velocity, wavelength_m, 1e5)
+def seen(velocity: np.ndarray, wavelength_m: float = 633e-9) -> SensorInput:
+    return SensorInput(TIME_S, velocity, wavelength_m, 1e5)
 
 
 def sensed(row: Effect, x: np.ndarray, velocity: np.ndarray, size: float | None = None, **how: float) -> np.ndarray:
@@ -209,20 +218,20 @@ def test_what_the_optics_show_is_what_the_row_says(row: Effect) -> None:
     early_x[:5] += 1e-6
     early_v[:5] += 1e-2
     # a path's velocity is that between the samples before and after
-    assert (not np.array_equal(told[6:], sensed(row, early_x, early_v)[6:])) is row.remembers
-    if not row.remembers:
+    assert (not np.array_equal(told[6:], sensed(row, early_x, early_v)[6:])) is row.has_memory
+    if not row.has_memory:
         moved = sensed(row, x + 1e-7, v) - 1e-7  # whatever turns with the fringes does not follow the path
-        assert bool(np.abs(moved - told).max() > 1e-10) is row.ripples
-    assert (row.delays == row.amplitude) is row.remembers and bool(row.delays) is row.remembers
+        assert bool(np.abs(moved - told).max() > 1e-10) is row.needs_full_rate
+    assert (row.delay_parameter == row.amplitude) is row.has_memory and bool(row.delay_parameter) is row.has_memory
     # beyond a pure delay a lag shows only with its square
-    one = 2e-5 if row.delays else 1e-3 * next(p.scale for p in row.parameters if p.name == row.amplitude)
+    one = 2e-5 if row.delay_parameter else 1e-3 * next(p.scale for p in row.parameters if p.name == row.amplitude)
     small, twice = (sensed(row, x, v, size) for size in (one, 2.0 * one))
 
     def shown(told: np.ndarray, size: float) -> float:
-        delayed = np.interp(TIME_S - size, TIME_S, x) if row.delays else x
+        delayed = np.interp(TIME_S - size, TIME_S, x) if row.delay_parameter else x
         return float(np.abs(told - delayed)[300:].max())
 
-    assert shown(twice, 2.0 * one) / shown(small, one) == pytest.approx(2.0**row.grows_as, rel=0.05)
+    assert shown(twice, 2.0 * one) / shown(small, one) == pytest.approx(2.0**row.response_power, rel=0.05)
 
 
 @pytest.mark.parametrize("complexly", [False, True])
@@ -264,8 +273,8 @@ def test_a_lag_is_that_of_a_first_order_filter_for_every_path_by_itself(complexl
 
 
 def test_the_wider_of_two_rows_has_the_narrow_ones_parameters_and_one_more() -> None:
-    for row in WIDER.values():
-        narrow = named(row.widens)
+    for row in WIDER_EFFECTS.values():
+        narrow = effect_named(row.widens)
         assert (
             row.parameters[:-1] == narrow.parameters and row.sensor is narrow.sensor and row.at_rest == narrow.at_rest
         )
@@ -286,5 +295,5 @@ ALIKE = {
 
 def test_what_looks_alike_is_what_the_catalogues_page_says() -> None:
     assert {name: set(row.look_alikes) for name, row in CATALOGUE.items() if row.look_alikes} == ALIKE
-    assert named("viscoelastic_arm").has_simpler_look_alike(named("plate_damping"))
-    assert not named("plate_damping").has_simpler_look_alike(named("viscoelastic_arm"))
+    assert effect_named("viscoelastic_arm").has_simpler_look_alike(effect_named("plate_damping"))
+    assert not effect_named("plate_damping").has_simpler_look_alike(effect_named("viscoelastic_arm"))

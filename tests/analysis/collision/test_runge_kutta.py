@@ -23,14 +23,14 @@ from analysis.collision.runge_kutta import (
     SWINGS,
 )
 from analysis.collision.system import (
-    AT_A_GUARD,
-    AWAY,
     DONE,
-    ENDLESS,
-    GONE,
     HIDDEN,
+    LEFT_FOR_GOOD,
+    MAY_CONTAIN_EVENT,
     MOVES,
+    NOT_FINITE,
     SLOT_COLUMNS,
+    STEP_LIMIT,
     STEPS_LEFT,
     TIME,
     Ahead,
@@ -116,7 +116,7 @@ def test_the_next_step_is_as_long_as_its_error_is_allowed() -> None:
 
     def longest(sixth: float, swing: float) -> float:
         memory[SIXTH] = sixth
-        return float(module._next.py_func(stepper, swing))
+        return float(module._longest_step.py_func(stepper, swing))
 
     assert longest(-1.0, 1.0) == 1e-6 and longest(0.0, 1.0) == 1e-2
     slow = (1e-16 * 64 / 5.0) ** (1 / 6)
@@ -182,13 +182,13 @@ def test_a_step_carries_state_and_derivatives_and_writes_their_rates(plain: pyte
     of_state(here, None, "mode")
     of_derivatives(here, rows, "which", None, "mode", 5.0)
     moving: Any = SimpleNamespace(here=here, there=there, mode="mode")
-    module.reach(made, SimpleNamespace(which="which"), moving, h, rows)
+    module.step_to(made, SimpleNamespace(which="which"), moving, h, rows)
     whole = np.kron(np.eye(rows), a) + np.kron(np.outer([0, 1, 2], [1, 0, 0]), np.eye(8))
     exact = (expm(h * whole) @ here.z.ravel()).reshape(rows, 8)
     np.testing.assert_allclose(there.z, exact, rtol=1e-9, atol=1e-10)
     np.testing.assert_allclose(there.f, (whole @ there.z.ravel()).reshape(rows, 8), rtol=1e-12, atol=1e-12)
     assert there.contact[0].tolist() == [7.0] * 3 and set(asked) == {"mode"}
-    module.reach(made, SimpleNamespace(which="which"), moving, -h, 1)
+    module.step_to(made, SimpleNamespace(which="which"), moving, -h, 1)
     np.testing.assert_allclose(there.z[0], expm(-h * a) @ here.z[0], rtol=1e-9, atol=1e-10)
     np.testing.assert_allclose(there.z[1:], exact[1:], rtol=1e-9, atol=1e-10)  # left as they were
 
@@ -208,7 +208,7 @@ def test_a_mode_begins_with_a_short_step_and_knows_how_long_steps_may_become(
     mode[[PHASE, PLATE]] = FREE, 1.0
     moving: Any = SimpleNamespace(here="here", mode=mode)
     given: Any = SimpleNamespace(which=np.array([3, 5]))
-    assert module.arm(made, given, moving, None, True)
+    assert module.begin_mode(made, given, moving, None, True)
     assert asked == [("here", 3, given.which, given, mode)]
     assert made.memory[[STEP, LONGEST, HELD, SIXTH]].tolist() == [2.5e-5, 1e-4, 0.0, -1.0]
     assert made.memory[EVER] == pytest.approx(ever)
@@ -243,7 +243,7 @@ def test_a_long_step_is_refused_where_the_quintic_between_its_ends_is_too_far_of
         for name, value in memory.items():
             made.memory[getattr(module, name)] = value
         given: Any = SimpleNamespace(which=np.array([by]), p=np.array([0.0, 0.0, 0.0, 0.0, -2.0]))
-        return bool(module._still_enough(made, given, here, there, rate, h)), float(made.memory[SIXTH])
+        return bool(module._error_allowed(made, given, here, there, rate, h)), float(made.memory[SIXTH])
 
     assert enough(1.1 * error / 30)[0] and not enough(0.9 * error / 30)[0]
     sixth = 64 * error / h**6
@@ -266,7 +266,7 @@ def test_beyond_a_radian_the_error_of_a_step_goes_with_the_ninth_power(plain: py
     def enough(swing: float, allowed: float) -> bool:
         made = stepper(1, 8, ALLOWED=allowed)
         made.memory[[LONGEST, EVER, SIXTH]] = 1e-5, 1.0, 1e30
-        return bool(module._still_enough(made, given, None, None, swing, 1e-3))
+        return bool(module._error_allowed(made, given, None, None, swing, 1e-3))
 
     for swing, times in ((0.9e3, 1.0), (2e3, 8.0)):
         error = 1e6 * swing * 1e-18 / 64 * times
@@ -320,7 +320,7 @@ class Falling:
         self.record: Any = SimpleNamespace(times=np.array(times))
         self.touch(here)
         patch.setattr(module, "_step", self.step)
-        patch.setattr(module, "show", self.show)
+        patch.setattr(module, "write_samples", self.show)
 
     @staticmethod
     def touch(at: State) -> None:
@@ -370,11 +370,11 @@ def test_an_event_is_approached_in_shorter_and_shorter_steps(plain: pytest.Monke
     fall = Falling(plain, [50.0], gap=2.3)
     fall.motion.signs[0] = -1.0
     i, h, why = fall.run()
-    assert (i, why) == (0, AT_A_GUARD) and h == 0.125
+    assert (i, why) == (0, MAY_CONTAIN_EVENT) and h == 0.125
     assert fall.steps == [1.0, 1.0, 1.0, 0.25, 0.25, 0.125]
     assert fall.motion.clock[TIME] == 2.25 and fall.made.memory[STEP] == 0.125
     again = Falling(plain, [50.0], gap=-0.5, speed=-1.0)  # it has just been dealt with: guards are ignored for one step
-    assert again.run(cleared=True)[2] == AT_A_GUARD and again.motion.clock[TIME] == 1.0
+    assert again.run(cleared=True)[2] == MAY_CONTAIN_EVENT and again.motion.clock[TIME] == 1.0
     # where the law is rough the bodies are approached by a share of what is left
     near = Falling(plain, [50.0], gap=2.0, NEARING=0.4)
     near.run()
@@ -389,17 +389,17 @@ def test_an_event_is_approached_in_shorter_and_shorter_steps(plain: pytest.Monke
 def test_a_run_ends_where_there_is_nothing_to_follow(plain: pytest.MonkeyPatch) -> None:
     few = Falling(plain, [50.0], gap=100.0)
     few.motion.clock[STEPS_LEFT] = 59.0
-    assert few.run() == (0, 0.0, ENDLESS) and len(few.steps) == 2
+    assert few.run() == (0, 0.0, STEP_LIMIT) and len(few.steps) == 2
     for place, value in ((1, np.inf), (3, np.nan), (0, -np.inf)):
         lost = Falling(plain, [50.0], gap=100.0)
         lost.motion.signs[0], lost.mode[PHASE] = 0.0, CONTACT
         lost.motion.here.z[0, place] = value
-        assert lost.run()[::2] == (0, AWAY)
+        assert lost.run()[::2] == (0, NOT_FINITE)
     gone = Falling(plain, [50.0], gap=1.0, speed=1.0)
     gone.motion.here.z[0, 3] = 0.7  # of the plate's velocity it is not asked beforehand
     asked: list[Any] = []
-    plain.setattr(module, "is_gone", lambda z, mode, system, omega: asked.append((z.tolist(), omega)) or True)
-    assert gone.run() == (0, 0.0, GONE) and not gone.steps
+    plain.setattr(module, "has_left_for_good", lambda z, mode, system, omega: asked.append((z.tolist(), omega)) or True)
+    assert gone.run() == (0, 0.0, LEFT_FOR_GOOD) and not gone.steps
     assert asked == [([1.0, 1.0, 0.0, 0.7], 2.0)]
     back = Falling(plain, [-50.0], gap=1.0, speed=1.0)
     back.motion.signs[0] = 0.0
@@ -407,7 +407,7 @@ def test_a_run_ends_where_there_is_nothing_to_follow(plain: pytest.MonkeyPatch) 
     kink = Falling(plain, [8.0], gap=100.0)
     kink.motion.signs[0], kink.mode[PHASE] = 0.0, CONTACT
     kink.made.memory[[STEP, EVER, SIXTH]] = 4.0, 4.0, 0.0
-    plain.setattr(module, "_still_enough", lambda made, system, here, there, swing, h: (h <= 1.0, swing == 0.1)[0])
+    plain.setattr(module, "_error_allowed", lambda made, system, here, there, swing, h: (h <= 1.0, swing == 0.1)[0])
     kink.run()
     assert kink.steps[:3] == [4.0, 1.0, 2.0]  # repeated as a safe one
 
@@ -439,7 +439,7 @@ def test_samples_within_a_step_are_shown(h: float, columns: int, plain: pytest.M
     given: Any = SimpleNamespace(slots=slots, which=np.array([2]), p=np.array([9.0, 1.0]))
     record: Any = SimpleNamespace(times=times, states=np.full((5, columns), np.nan), d_x=np.full((5, 1), np.nan))
     begin = 1 if way > 0 else 3
-    after = module.show(None, given, moving, record, begin, h)
+    after = module.write_samples(None, given, moving, record, begin, h)
     assert after == begin + 3 * way
     for k in range(5):
         at = times[k] - t
@@ -455,15 +455,15 @@ def test_samples_within_a_step_are_shown(h: float, columns: int, plain: pytest.M
             np.testing.assert_allclose(record.states[k, [5, 7, 8]], [arm, swing, w], rtol=1e-11)
     # at an instant, as where a mode ends
     at_once: Any = SimpleNamespace(times=np.array([t, t, 3.0]), states=np.zeros((3, columns)), d_x=np.zeros((3, 1)))
-    assert module.show(None, given, moving, at_once, 0, 0.0) == 2
+    assert module.write_samples(None, given, moving, at_once, 0, 0.0) == 2
     assert at_once.states[1, :4].tolist() == states[0].z[0, :4].tolist() and at_once.d_x[1, 0] == states[0].z[1, 0]
     # after the block has gone the plate swings freely since it was left
     mode[PLATE] = 0.0
-    module.show(None, given, moving, record, begin, h)
+    module.write_samples(None, given, moving, record, begin, h)
     y0, u0 = states[0].z[0, 2:4]
     for omega in (3.0, 0.0):
         given.p[0] = omega**2
-        module.show(None, given, moving, record, begin, h)
+        module.write_samples(None, given, moving, record, begin, h)
         for k in (1, 2, 3):
             since = times[k] - 0.5
             swing = math.sin(omega * since) / omega if omega else since

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from analysis.collision import general, march
-from analysis.collision.acting import Active, FastestRates
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.effects.row import Effect
 from analysis.collision.general import Event, EventLog, Trajectory
+from analysis.collision.mechanical_effects import ActiveEffect, FastestRates
 from analysis.collision.parameters import PAPER, Collision, Variant
 from analysis.collision.runge_kutta import ALLOWED, EFFECTS, GROWTH, NEARING, SAFE, SHORTEST, SWINGS
 
@@ -83,7 +83,7 @@ def test_means_are_over_whole_blocks() -> None:
 def test_steps_are_bounded_by_the_fastest_oscillation_of_each_mode(stride: float) -> None:
     """A seventh of a radian of the bodies, a fifth of an effect's own, a millisecond at most."""
     rates = FastestRates(bodies=2000.0, contact=2000.0, plate=1000.0, every=5000.0, inside=500.0)
-    smooth = Active(named("viscous_drag"), (1.0,))
+    smooth = ActiveEffect(effect_named("viscous_drag"), (1.0,))
     limits = general._limits(rates, [smooth], stride)
     own = 0.22 / 5000.0
     safe = [stride * min(0.14 / 2000.0, own), stride * min(0.14 / 1000.0, own), stride * 0.22 / 500.0, 1e-3]
@@ -93,13 +93,13 @@ def test_steps_are_bounded_by_the_fastest_oscillation_of_each_mode(stride: float
     assert (limits[GROWTH], limits[NEARING], limits[SHORTEST]) == (3.0, 0.0, 1e-4)
     fast = general._limits(FastestRates(bodies=9000.0, contact=9000.0, plate=1.0, every=0.0, inside=0.0), [], stride)
     np.testing.assert_allclose(fast[SAFE : SAFE + 4], [stride * 0.14 / 9000.0, 1e-3, 1e-3, 1e-3])
-    rough = general._limits(rates, [smooth, Active(named("contact_exponent"), (0.1,))], stride)
+    rough = general._limits(rates, [smooth, ActiveEffect(effect_named("contact_exponent"), (0.1,))], stride)
     assert (rough[GROWTH], rough[NEARING], rough[SHORTEST]) == (1.6, 0.4, 1e-8)
-    corner: Any = replace(named("viscous_drag"), kinked=True)
+    corner: Any = replace(effect_named("viscous_drag"), kinked=True)
     assert isinstance(corner, Effect)
-    kinked = general._limits(rates, [Active(corner, (1.0,))], stride)
+    kinked = general._limits(rates, [ActiveEffect(corner, (1.0,))], stride)
     np.testing.assert_allclose(kinked, general._limits(rates, [smooth], 1.0))
-    np.testing.assert_allclose(general._limits(rates, [Active(corner, (1.0,))], 0.5)[SAFE], 0.5 * own)
+    np.testing.assert_allclose(general._limits(rates, [ActiveEffect(corner, (1.0,))], 0.5)[SAFE], 0.5 * own)
 
 
 def test_times_are_one_row_that_rises(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -112,9 +112,9 @@ def test_times_are_one_row_that_rises(monkeypatch: pytest.MonkeyPatch) -> None:
     for times in ([0.0, 0.0, 0.03], [0.03, 0.03], [0.02, 0.02 + 1e-9, 0.03], [0.03 - 1e-10, 0.03]):
         assert general.solve(PAPER, (), np.array(times)).displacement_m[-1] == pytest.approx(exact, abs=1e-12)
     for code, error, words in (
-        (march.TOO_MANY, general.TooManyEvents, "more than 400 contact events"),
-        (march.TOO_LONG, general.TooManyEvents, "more steps than a solution may take"),
-        (march.RUNS_AWAY, general.UnboundedMotion, "grows without bound"),
+        (march.TOO_MANY_EVENTS, general.TooManyEvents, "more than 400 contact events"),
+        (march.TOO_MANY_STEPS, general.TooManyEvents, "more steps than a solution may take"),
+        (march.UNBOUNDED, general.UnboundedMotion, "grows without bound"),
     ):
         monkeypatch.setattr(march, "in_closed_form", lambda *_, code=code: code)
         with pytest.raises(error, match=words):
@@ -125,19 +125,19 @@ def test_what_is_known_to_be_nonlinear_is_not_tried_in_closed_form(monkeypatch: 
     asked: list[str] = []
     monkeypatch.setattr(march, "in_closed_form", lambda *_: asked.append("closed") or march.NOT_LINEAR)
     monkeypatch.setattr(march, "step_by_step", lambda *given: asked.append("steps") or 0)
-    plain, known = named("viscous_drag"), replace(named("viscous_drag"), nonlinear=True)
+    plain, known = effect_named("viscous_drag"), replace(effect_named("viscous_drag"), nonlinear=True)
     for effect, order in ((plain, ["closed", "steps"]), (known, ["steps"])):
         asked.clear()
-        general.solve(PAPER, [Active(effect, (1.0,))], np.array([0.0]))
+        general.solve(PAPER, [ActiveEffect(effect, (1.0,))], np.array([0.0]))
         assert asked == order
 
 
 @pytest.mark.parametrize("name", [None, "block_mode"])
 def test_whole_states_are_recorded_with_modes_and_without_the_contact_point(name: str | None) -> None:
     """The same motion as solved for its means, and every number of the hidden state."""
-    effects = [] if name is None else [Active(named(name), (1e-3, 200.0, 0.05))]
+    effects = [] if name is None else [ActiveEffect(effect_named(name), (1e-3, 200.0, 0.05))]
     time_s = np.arange(-100, 3000) * 1e-5
-    kept = general.recorded(replace(PAPER, variant=Variant.CLAMPED), effects, time_s, 1e-5)
+    kept = general.solve_with_modes(replace(PAPER, variant=Variant.CLAMPED), effects, time_s, 1e-5)
     run = general.solve(replace(PAPER, variant=Variant.CLAMPED), effects, time_s)
     columns = [run.displacement_m, run.velocity_m_per_s, run.plate_displacement_m, run.plate_velocity_m_per_s]
     np.testing.assert_allclose(kept.states[:, :4], np.stack(columns, axis=1), atol=1e-13)

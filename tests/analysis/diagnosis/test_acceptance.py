@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.effects.row import Effect
 from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
@@ -16,7 +16,7 @@ from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference.noise.floor import Floor
 from tests.analysis.diagnosis.shots import calm
 
-TILT = named("tilt")
+TILT = effect_named("tilt")
 CALM = Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), 5e-5)
 WANDERING = Floor(1e-10, (1e-10, 0.0), (1e-2, 1e-2), 5e-5)
 
@@ -75,7 +75,7 @@ def kept(sizes: dict[Effect, float], worth: float, monkeypatch: pytest.MonkeyPat
 def test_the_more_effects_the_more_each_must_stand_out(
     least: float, left: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sizes = {named("plate_damping"): 90.0, named("sensor_drift"): max(least, 11.5), TILT: least}
+    sizes = {effect_named("plate_damping"): 90.0, effect_named("sensor_drift"): max(least, 11.5), TILT: least}
     assert len(kept(sizes, 200.0, monkeypatch)) == left
 
 
@@ -83,7 +83,7 @@ def test_the_more_effects_the_more_each_must_stand_out(
 def test_each_of_several_pays_more_than_what_mends_a_misfit(
     worth: float, left: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert len(kept({named("adhesion"): 92.0, named("plate_motion"): 13.0}, worth, monkeypatch)) == left
+    assert len(kept({effect_named("adhesion"): 92.0, effect_named("plate_motion"): 13.0}, worth, monkeypatch)) == left
 
 
 def lacking(

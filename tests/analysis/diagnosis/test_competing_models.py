@@ -1,6 +1,6 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
-from analysis.collision.effects import effects_named, named
+from analysis.collision.effects import effect_named, effects_named
 from analysis.diagnosis.search.competing_models import _nearest, with_look_alikes_tried
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -18,8 +18,8 @@ def test_the_better_of_two_look_alikes_takes_the_place() -> None:
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
     best, _, far = with_look_alikes_tried(wrong, wrong.linearise(), trail, lambda _: True)
-    assert best.effects == (named(true),) and best.bic < wrong.bic - CRITERIA.least_lead
-    assert list(far) == [named(true)]
+    assert best.effects == (effect_named(true),) and best.bic < wrong.bic - CRITERIA.least_lead
+    assert list(far) == [effect_named(true)]
     kept, _, _ = with_look_alikes_tried(wrong, wrong.linearise(), trail, lambda _: False)
     assert kept is wrong  # what does not predict a held-out shot takes no place
 
@@ -32,23 +32,25 @@ def test_what_rings_in_the_same_place_is_asked_however_far_apart_it_is_to_first_
     quick = refit(at, KINDS[first], at.scores(KINDS[first])[0].start, calm)
     assert quick is not None
     wrong = quick.refitted(evaluations=60)
-    far = separation(wrong, wrong.linearise(), named(first), [KINDS[true]])
-    assert far.from_other[named(true)] > 0.7 * far.snr  # a line so narrow that its twin beside it stands apart
+    far = separation(wrong, wrong.linearise(), effect_named(first), [KINDS[true]])
+    assert far.from_other[effect_named(true)] > 0.7 * far.snr  # a line so narrow that its twin beside it stands apart
     trail = Trail(before, [KINDS[true], KINDS[first]], calm)
     trail.keep(wrong)
     best, _, _ = with_look_alikes_tried(wrong, wrong.linearise(), trail, lambda _: True)
-    assert best.effects == (named(true),) and best.bic < wrong.bic
+    assert best.effects == (effect_named(true),) and best.bic < wrong.bic
 
 
 def test_a_look_alike_that_the_catalogue_names_is_fitted_where_others_stand_nearer_to_first_order() -> None:
     """In a building a strong damping was named an arm at its shortest relaxation time, and damping was not fitted."""
     names = ("support_compliance", "second_plate_mode", "plate_damping", "block_mode")
     far = Separation(94.2, dict(zip(effects_named(names), (42.26, 42.28, 44.44, 80.4), strict=True)), {})
-    near = [kind.effect.name for kind in _nearest(named("viscoelastic_arm"), far, [KINDS[name] for name in names])]
+    near = [
+        kind.effect.name for kind in _nearest(effect_named("viscoelastic_arm"), far, [KINDS[name] for name in names])
+    ]
     assert near == ["support_compliance", "second_plate_mode", "plate_damping"]
     further = Separation(70.0, far.from_other, {})  # what does less than half of the same is none
     kinds = list(KINDS.values())
-    arm, damping = named("viscoelastic_arm"), named("plate_damping")
+    arm, damping = effect_named("viscoelastic_arm"), effect_named("plate_damping")
     # ... but for a simpler look-alike: the noise learnt beside an arm of 99 norms held its damping 61 away
     assert "plate_damping" in [kind.effect.name for kind in _nearest(arm, further, kinds)]
     apart = Separation(70.0, {arm: 44.44}, {})

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis import words
 from analysis.diagnosis.learning import laws_outside_catalogue as beyond
 from analysis.diagnosis.result import Errors, FoundEffect, Freedom, Remainder, Verdict
@@ -21,7 +21,7 @@ from analysis.shot.quantity import Quantity
 from tests.app import synthetic
 
 ANALYSIS = Path(__file__).parents[3] / "analysis"
-EFFECT = FoundEffect(named("tilt"), {"angle_rad": Quantity(1e-4, 1e-6)}, {"snr": 40.0})
+EFFECT = FoundEffect(effect_named("tilt"), {"angle_rad": Quantity(1e-4, 1e-6)}, {"snr": 40.0})
 LEFT = Remainder(12e-9, 1e-10, ())
 LAW = cast(Any, SimpleNamespace())
 

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
-from analysis.collision.laws.own import from_mapping
+from analysis.collision.effects import effect_named
+from analysis.collision.laws.user_law import law_from_table
 from analysis.diagnosis.contact_laws import sentence
 from analysis.diagnosis.result import FoundEffect, LearnedLaw
 from analysis.shot.quantity import Quantity
 
-LAW = from_mapping(
+LAW = law_from_table(
     {"name": "law", "where": "contact", "formula": "a*d_rate*d", "parameters": {"a": {"unit": "N", "start": 20.0}}}
 )
 
 
 def _exponent(delta: float, std: float = 1e-3) -> FoundEffect:
-    return FoundEffect(named("contact_exponent"), {"delta": Quantity(delta, std)}, {})
+    return FoundEffect(effect_named("contact_exponent"), {"delta": Quantity(delta, std)}, {})
 
 
 def _damping(n: float, std: float = 4e-3, form: str = "power") -> LearnedLaw:
@@ -40,7 +40,7 @@ def _damping(n: float, std: float = 4e-3, form: str = "power") -> LearnedLaw:
         ([], [_damping(0.999, form="power, odd")], "Hunt's and Crossley's contact on a linear spring"),
         ([_exponent(0.5029)], [], "Hertz"),  # within three standard deviations
         ([_exponent(0.5, 0.049)], [], "Hertz"),
-        ([FoundEffect(named("nonlinear_contact_damping"), {}, {})], [], "Hunt"),
+        ([FoundEffect(effect_named("nonlinear_contact_damping"), {}, {})], [], "Hunt"),
     ],
 )
 def test_a_contact_of_the_literature_is_named(effects: list[FoundEffect], laws: list[LearnedLaw], name: str) -> None:
@@ -48,7 +48,7 @@ def test_a_contact_of_the_literature_is_named(effects: list[FoundEffect], laws: 
 
 
 def test_an_exponent_that_was_assumed_is_not_told_as_found() -> None:
-    assert "not tried" in sentence([FoundEffect(named("nonlinear_contact_damping"), {}, {})], [])
+    assert "not tried" in sentence([FoundEffect(effect_named("nonlinear_contact_damping"), {}, {})], [])
     assert "not tried" not in sentence([], [_damping(1.0, form="linear")])
 
 
@@ -66,7 +66,7 @@ def test_an_exponent_that_was_assumed_is_not_told_as_found() -> None:
         ([], [_damping(1.0, form="quadratic")]),
         ([_exponent(0.5)], [_damping(0.7)]),
         ([_exponent(0.2)], [_damping(0.5)]),
-        ([FoundEffect(named("coulomb_friction"), {}, {})], []),
+        ([FoundEffect(effect_named("coulomb_friction"), {}, {})], []),
     ],
 )
 def test_nothing_is_said_of_others(effects: list[FoundEffect], laws: list[LearnedLaw]) -> None:

@@ -40,7 +40,7 @@ def test_a_law_is_visited_where_it_acts(argument: Any, steps: Any) -> None:
 
 def test_the_columns_of_a_law_are_those_of_the_members_of_its_basis(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Any] = []
-    monkeypatch.setattr(module, "along", lambda *given: asked.append(given) or answer)
+    monkeypatch.setattr(module, "first_order_change", lambda *given: asked.append(given) or answer)
     answer: Any = "columns"
     term = Term(PLACE, BASIS, np.zeros(BASIS.count))
     row: Any = "row"

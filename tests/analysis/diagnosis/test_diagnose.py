@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.result_file import diagnosis_result
@@ -36,7 +36,7 @@ def test_friction_is_named_and_the_error_falls_to_the_noise() -> None:
     assert found.error_held_out_before is not None
     assert found.error_held_out_after is not None
     assert found.error_held_out_after.displacement_rms_m == pytest.approx(WHITE_M, rel=0.05)
-    assert found.fit_after.effects == (named("coulomb_friction"),)
+    assert found.fit_after.effects == (effect_named("coulomb_friction"),)
     assert diagnosis_result(found)["effects"][0]["parameters"]["force_n"]["value"] == force.value
 
 
@@ -75,7 +75,7 @@ def test_an_accepted_effect_is_part_of_the_model_before() -> None:
     found = diagnose(motions, accepted=("viscous_drag",), progress=lambda _what, fraction: done.append(fraction))
     assert done[0] == 0.0 and done == sorted(done) and 0.5 < done[-1] <= 1.0
     assert found.verdict is Verdict.ADEQUATE
-    assert found.fit_before.effects == (named("viscous_drag"),)
+    assert found.fit_before.effects == (effect_named("viscous_drag"),)
     assert math.isclose(found.fit_before.parameters["viscous_drag.coefficient_n_s_per_m"].value, 2e-4, rel_tol=0.02)
 
 

@@ -6,21 +6,21 @@ from typing import Any
 
 import pytest
 
-from analysis.collision.effects import CATALOGUE, named
+from analysis.collision.effects import CATALOGUE, effect_named
 from analysis.diagnosis import diagnosis_input as module
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.drive import LAWS
-from tests.analysis.collision.laws.test_own import from_mapping
+from tests.analysis.collision.laws.test_user_law import law_from_table
 
-LAW = from_mapping(
+LAW = law_from_table(
     {"name": "law", "where": "block", "formula": "a*v", "parameters": {"a": {"unit": "N s/m", "start": 2.0}}}
 )
 
 
 def question(**changed: Any) -> DiagnosisInput:
     given: dict[str, Any] = {
-        "motions": "motions", "model": "paper", "named": (), "laws": (), "hold_out": None, "shakings_read": "read",
+        "motions": "motions", "model": "paper", "named": (), "laws": (), "hold_out": None, "vibrations_read": "read",
         "progress": "tell", "stop": "stop", "limit": "limit",
     }  # fmt: skip
     return DiagnosisInput(**{**given, **changed})
@@ -30,10 +30,10 @@ def test_a_persons_laws_and_effects_of_the_model_are_tried_as_the_catalogue_is()
     names = [kind.effect.name for kind in question().catalogue]
     assert set(names) <= set(CATALOGUE) and len(names) == len(set(names))
     friction = LAWS["stribeck_friction"]
-    more = question(laws=(LAW,), named=(named("tilt"), friction))
+    more = question(laws=(LAW,), named=(effect_named("tilt"), friction))
     assert [kind.effect for kind in more.catalogue if kind.effect not in CATALOGUE.values()] == [LAW]
     assert [kind.effect.name for kind in more.catalogue].count("tilt") == 1
-    assert named("tilt") in more.accepted
+    assert effect_named("tilt") in more.accepted
 
 
 def test_of_a_plate_that_does_not_move_only_what_has_a_meaning_there_is_tried() -> None:
@@ -56,11 +56,11 @@ def test_the_shots_to_hold_out_are_chosen_or_given(monkeypatch: pytest.MonkeyPat
 
 
 def test_what_shook_the_rig_and_where_a_search_begins_are_read_from_the_shots(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "frame_motions_of", lambda *given: ("shakings", *given))
+    monkeypatch.setattr(module, "frame_motions_of", lambda *given: ("vibrations", *given))
     monkeypatch.setattr(module, "site_under", lambda *given: ("site", *given))
     monkeypatch.setattr(module, "averaged_shots", lambda motions: f"averaged {motions}")
     monkeypatch.setattr(module, "first_fit", lambda *given: given)
-    site: Any = ("site", "motions", ("shakings", "motions", "paper", "read"), CRITERIA.site_nm)
+    site: Any = ("site", "motions", ("vibrations", "motions", "paper", "read"), CRITERIA.site_nm)
     one = question()
     assert one.site == site and one.begin == ("averaged motions", "paper", site, "stop")  # type: ignore[comparison-overlap]
     monkeypatch.setattr(module.time, "perf_counter", lambda: 130.0)

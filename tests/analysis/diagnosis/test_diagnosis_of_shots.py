@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis import diagnosis_of_shots as module
 from analysis.diagnosis.result import Verdict
 from analysis.shot import AnalysisError, Motion, Shot
 
-TILT = named("tilt")
+TILT = effect_named("tilt")
 
 
 def motion() -> Any:
@@ -31,7 +31,7 @@ def asked(shots: list[Any], patch: pytest.MonkeyPatch, **options: Any) -> Any:
     told: list[Any] = []
     patch.setattr(module, "BestFirst", lambda question: SimpleNamespace(explanation=lambda: ("explained", question)))
     patch.setattr(module, "_diagnosis", lambda question, explanation: (question, explanation))
-    patch.setattr(module, "shaking_of", lambda one: f"shaking {one.settings.model}")
+    patch.setattr(module, "vibration_of", lambda one: f"shaking {one.settings.model}")
     patch.setattr(module, "Limit", lambda seconds, stop: ("limit", seconds, stop))
     question, explanation = module.diagnose(shots, progress=lambda *what: told.append(what), **options)  # type: ignore[misc]
     assert explanation == ("explained", question) and told == [("fitting the base model", 0.0)]
@@ -52,9 +52,9 @@ def test_what_is_asked_of_shots(monkeypatch: pytest.MonkeyPatch) -> None:
     assert list(question.motions) == [one, two] and question.model == "clamped"
     assert list(question.named) == [TILT] and question.laws == (law,) and question.hold_out == 1
     assert question.stop is stop and question.limit == ("limit", 7.0, stop)
-    assert list(question.shakings_read) == ["shaking clamped"] * 2
+    assert list(question.vibrations_read) == ["shaking clamped"] * 2
     alone = asked([one, shot("contact", two)], monkeypatch, model="no_tension")
-    assert alone.model == "no_tension" and alone.shakings_read is None and not alone.stop()
+    assert alone.model == "no_tension" and alone.vibrations_read is None and not alone.stop()
     assert alone.limit[1] == module.SECONDS and alone.hold_out is None
     assert (
         asked([one], monkeypatch).model == "paper"

@@ -91,7 +91,7 @@ def test_a_law_in_words_and_numbers(law: str, values: dict[str, float], said: st
     assert text.startswith(f"{LAWS[law].short_words}, {LAWS[law].formula}: ")
     assert text.endswith(f"{said} (indistinguishable from: quadratic drag, bearing gradient)")
     for value in parameters.values():
-        assert value.in_a_sentence() in text
+        assert value.in_text() in text
 
 
 def test_without_friction_in_the_fit_what_rises_towards_rest_rises_from_nothing() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.collision import FORMS, Infeasible
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning import form_fits as module
@@ -16,7 +16,7 @@ from analysis.diagnosis.learning.curve_motion import Term
 from analysis.inference import Point
 from analysis.shot import Cancelled
 
-TILT = named("tilt")
+TILT = effect_named("tilt")
 
 
 class Short:

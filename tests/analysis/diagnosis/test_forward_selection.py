@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import (
     Trail,
@@ -31,7 +31,7 @@ def test_two_effects_that_look_like_a_third_are_found_by_another_way() -> None:
     before = base_fit(motions)
     catalogue = [KINDS[name] for name in (*true, "viscous_drag", "frame_vibration")]
     greedy, trail = forward_search(before, catalogue, calm, most=2)
-    assert named("viscous_drag") in greedy.effects
+    assert effect_named("viscous_drag") in greedy.effects
     best = restart_from_other_effects(greedy, trail)
     assert {effect.name for effect in best.effects} == true and best.bic < greedy.bic - 100
 
@@ -52,9 +52,9 @@ def test_a_mode_is_found_beside_a_ripple_from_where_it_was_found_alone() -> None
 
     first = one_more(start, ripple)
     both = with_both_effects(first, one_more(start, mode), start, calm)
-    assert both is not None and both.effects == (named(ripple), named(mode))
+    assert both is not None and both.effects == (effect_named(ripple), effect_named(mode))
     assert both.bic < one_more(first, mode).bic - 500  # which goes nowhere from there
-    assert both.point.values[0][named(mode)]["mass_kg"] == pytest.approx(0.0138, rel=0.05)
+    assert both.point.values[0][effect_named(mode)]["mass_kg"] == pytest.approx(0.0138, rel=0.05)
 
 
 def test_a_fit_far_behind_another_is_not_followed_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,7 +111,7 @@ def test_a_search_that_is_cut_off_must_not_have_lost_likelihood(gain: float, con
 
 def test_the_first_effect_alone_is_also_fitted_from_white_noise(monkeypatch: pytest.MonkeyPatch) -> None:
     """The noise of the start holds what the first effect explains, and may keep the search in a wrong valley."""
-    tilt, drag, adhesion = (named(name) for name in ("tilt", "viscous_drag", "adhesion"))
+    tilt, drag, adhesion = (effect_named(name) for name in ("tilt", "viscous_drag", "adhesion"))
     fits = [Fit(effects, worth=500.0) for effects in ((), (tilt,), (tilt, drag), (tilt, drag, adhesion))]
     anew: list[tuple[int, bool]] = []
 
@@ -158,7 +158,7 @@ def test_a_simpler_look_alike_of_the_first_effect_is_brought_to_its_end_beside_i
     monkeypatch: pytest.MonkeyPatch, other: str, behind: float, ends_behind: float, taken: bool
 ) -> None:
     def fitted(bic: float, *names: str) -> Any:
-        return SimpleNamespace(effects=tuple(named(name) for name in names), bic=bic)
+        return SimpleNamespace(effects=tuple(effect_named(name) for name in names), bic=bic)
 
     start, arm, simpler = fitted(0.0), fitted(-1800.0, "viscoelastic_arm"), fitted(behind - 1800.0, other)
     trail = Trail(start, (), calm)
@@ -171,12 +171,12 @@ def test_a_simpler_look_alike_of_the_first_effect_is_brought_to_its_end_beside_i
 
     monkeypatch.setattr(forward_selection, "converge", polished)
     (name,) = forward_selection._polished_first(arm, trail).effects
-    assert name == named(other if taken else "viscoelastic_arm")
+    assert name == effect_named(other if taken else "viscoelastic_arm")
 
 
 def test_effects_nearly_as_likely_as_the_first_are_followed_beside_it() -> None:
     def fitted(bic: float, *names: str) -> Any:
-        return SimpleNamespace(effects=tuple(named(name) for name in names), bic=bic)
+        return SimpleNamespace(effects=tuple(effect_named(name) for name in names), bic=bic)
 
     start, first = fitted(0.0), fitted(-100.0, "tilt")
     near, far, alike = fitted(-81.0, "viscous_drag"), fitted(-79.0, "adhesion"), fitted(-99.0, "sensor_drift")

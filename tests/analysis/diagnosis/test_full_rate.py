@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.search import full_rate
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.search.full_rate import at_full_rate
@@ -24,7 +24,7 @@ def test_a_ripple_too_weak_for_averaged_samples_is_seen_at_the_records_rate() ->
     found = at_full_rate(before, Trail(before, list(KINDS.values()), calm), motions)
     assert found is not None
     best, _ = found
-    assert best.effects == (named(RIPPLE),)
+    assert best.effects == (effect_named(RIPPLE),)
     assert best.problem.data.shots[0].spacing_s == pytest.approx(1 / FINE_RATE_HZ)
     assert before.problem.data.shots[0].spacing_s == pytest.approx(1 / RATE_HZ)
     clean = shots({})
@@ -123,11 +123,11 @@ def test_a_ripple_is_fitted_at_the_records_rate_from_where_it_scores_best(
 ) -> None:
     """A ripple that was found at the averaged rate is taken out first, and measured anew."""
     rate = Rate(monkeypatch)
-    best = fit_of(named(RIPPLE)) if found else fit_of(named("tilt"))
+    best = fit_of(effect_named(RIPPLE)) if found else fit_of(effect_named("tilt"))
     finest, trail = rate.look(best)
     _, data, effect, start, stop = finest
-    assert trail is rate.trail and effect is named(RIPPLE) and (start, stop) == ("first", "stop")
-    bare = () if found else (named("tilt"),)
+    assert trail is rate.trail and effect is effect_named(RIPPLE) and (start, stop) == ("first", "stop")
+    bare = () if found else (effect_named("tilt"),)
     ((asked, shots),) = rate.asked
     assert asked == bare and shots[1] == ["plate", "plate"]
     assert data.shots == (shots, None, "base", f"point of {len(bare)}")
@@ -136,7 +136,8 @@ def test_a_ripple_is_fitted_at_the_records_rate_from_where_it_scores_best(
 @pytest.mark.parametrize(
     "more",
     [
-        {"kinds": (KINDS["tilt"],)}, {"start": fit_of(named(RIPPLE))}, {"fine": 5}, {"promises": False}, {"listed": []},
+        {"kinds": (KINDS["tilt"],)}, {"start": fit_of(effect_named(RIPPLE))}, {"fine": 5}, {"promises": False},
+        {"listed": []},
     ],
 )  # fmt: skip
 def test_there_is_no_look_where_no_ripple_may_be_seen(more: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -224,8 +225,8 @@ def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
     asked: list[Any] = []
     start = Some(effects=(), bic=100.0, problem="problem of start", z="z")
     old: Any = Trail(start, (), calm)  # type: ignore[arg-type]
-    old.asked[frozenset([named("tilt")])] = 60.0
-    best: Any = Some(effects=(named("tilt"),), bic=50.0, problem=Some(data="fine data"))
+    old.asked[frozenset([effect_named("tilt")])] = 60.0
+    best: Any = Some(effects=(effect_named("tilt"),), bic=50.0, problem=Some(data="fine data"))
     again = Some(effects=(), bic=90.0)
 
     def at(fitted: Any, data: Any, stop: Any) -> Any:
@@ -237,7 +238,7 @@ def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(full_rate, "converge", lambda fitted, trail: ("polished", fitted))
     found, trail = full_rate._anew(best, old)
     assert found == ("polished", ("pruned", best)) and asked == [trail] and trail is not old  # type: ignore[comparison-overlap]
-    assert trail.start is again and trail.of([named("tilt")]) is best and not trail.asked and old.asked
+    assert trail.start is again and trail.of([effect_named("tilt")]) is best and not trail.asked and old.asked
     assert old.fits == {frozenset(): start}
     monkeypatch.setattr(full_rate, "with_frame_relinearised", lambda fitted, stop: best if stop is calm else None)
     monkeypatch.setattr(full_rate, "_anew", lambda fitted, trail: (fitted, "anew", trail))

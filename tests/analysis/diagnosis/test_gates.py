@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import CATALOGUE
-from analysis.collision.effects import named as named_effect
+from analysis.collision.effects import effect_named as named_effect
 from analysis.collision.effects.row import Effect
 from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.parameters import Infeasible
 from analysis.diagnosis.learning import law_learning, single_law, two_laws
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
@@ -152,7 +152,7 @@ def alone(found: Discovery | None, patch: pytest.MonkeyPatch, nearest: float = 5
         single_law, "refine_contenders", lambda _start, rough, _stop: [curve(880.0)] if rough[0].bic == 895.0 else []
     )
     patch.setattr(single_law, "learn_law", lambda *_, curves: found if curves[0].bic == 880.0 else None)
-    patch.setattr(single_law, "separation", lambda *_: Separation(size, {named("cubic_stiffness"): nearest}, {}))
+    patch.setattr(single_law, "separation", lambda *_: Separation(size, {effect_named("cubic_stiffness"): nearest}, {}))
     return SingleLaw(cast(Any, Fit(START)), (0,), lambda _what, _fraction: None, calm, Limit(SECONDS, calm))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import effects_named, named
+from analysis.collision.effects import effect_named, effects_named
 from analysis.diagnosis.verdict import identifiability as module
 from analysis.diagnosis.verdict.identifiability import Separation, _nothing, least_seen, missed_without
 from analysis.inference import Point
@@ -31,11 +31,11 @@ def test_what_is_missed_without_an_effect_is_the_root_of_the_growth_of_chi2() ->
 
 
 def test_an_effect_does_nothing_without_its_amplitudes() -> None:
-    swing = trial_effect(named("plate_motion"))
+    swing = trial_effect(effect_named("plate_motion"))
     assert _nothing(swing, {"velocity_m_per_s": 1.0, "displacement_m": 2.0}) == {
         "velocity_m_per_s": 0.0, "displacement_m": 0.0,
     }  # fmt: skip
-    mode = trial_effect(named("block_mode"))
+    mode = trial_effect(effect_named("block_mode"))
     kept = {"frequency_hz": 500.0, "damping_ratio": 0.1}
     assert _nothing(mode, {"mass_kg": 1e-3, **kept}) == {"mass_kg": 0.0, **kept}
     inverse: Any = SimpleNamespace(inverse=True, amplitude=("stiffness",))
@@ -125,7 +125,9 @@ def test_the_size_of_an_effect_is_what_no_other_parameter_absorbs(effect: Any, m
 def test_every_other_effect_of_the_catalogue_has_its_distance(monkeypatch: pytest.MonkeyPatch) -> None:
     """The root of what is left of the effect beside it; of one that has no score all of it is."""
     of = OfTwo(monkeypatch)
-    drag, friction, drift = (trial_effect(named(name)) for name in ("viscous_drag", "coulomb_friction", "sensor_drift"))
+    drag, friction, drift = (
+        trial_effect(effect_named(name)) for name in ("viscous_drag", "coulomb_friction", "sensor_drift")
+    )
     whole = float(of.alone(TILT) @ of.alone(TILT))
     of.listed = [
         [SimpleNamespace(kind=drag, gain=g * whole, start=start) for g, start in ((0.75, "best"), (0.1, "worse"))],

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import graded_basis
 from analysis.collision.laws.forms import FORMS
-from analysis.collision.laws.own import from_mapping
+from analysis.collision.laws.user_law import law_from_table
 from analysis.diagnosis import words
 from analysis.diagnosis.learning import learned_law as module
 from analysis.diagnosis.learning.closed_forms import Fitting, information
@@ -66,7 +66,7 @@ def test_forms_that_differ_only_beside_what_the_base_model_holds_are_not_one_fun
 
 def test_a_law_of_ones_own_is_told_with_its_formula_and_its_units() -> None:
     parameters = {"a": {"unit": "N s/m", "start": 1e-3}, "b": {"unit": "m", "start": 1e-3}}
-    law = from_mapping({"name": "brake", "where": "block", "formula": "-a*exp(x/b)*v", "parameters": parameters})
+    law = law_from_table({"name": "brake", "where": "block", "formula": "-a*exp(x/b)*v", "parameters": parameters})
     found = FoundEffect(law, {"a": Quantity(4e-4, 1e-6, ""), "b": Quantity(1.2e-3, 1e-6, "")}, {})
     assert words.found(found) == "brake: -a*exp(x/b)*v with a (4.000 ± 0.010)e-4 N s/m, b (1.2000 ± 0.0010)e-3 m"
 
@@ -98,12 +98,12 @@ def form_fit(name: str, bic: float, argument: Any = BEND, **values: float) -> Fo
         penalty_of=lambda which: penalties if which == -1 else None,
     )  # fmt: skip
     free = [
-        (named("tilt"), SimpleNamespace(name="angle_rad"), -1),
+        (effect_named("tilt"), SimpleNamespace(name="angle_rad"), -1),
         *((law, SimpleNamespace(name=n), -1) for n in values),
     ]
     std = np.arange(1.0, 20.0)
     fitted: Any = SimpleNamespace(
-        effects=(named("tilt"), law), bic=bic, point=SimpleNamespace(values=[{law: values}]), noise="noise",
+        effects=(effect_named("tilt"), law), bic=bic, point=SimpleNamespace(values=[{law: values}]), noise="noise",
         problem=SimpleNamespace(offset=5, free_parameters=free, data=SimpleNamespace(shots=["s0", "s1"])),
         with_marginal_covariance=lambda: SimpleNamespace(std=std),
     )  # fmt: skip

@@ -4,8 +4,8 @@ import math
 
 import pytest
 
-from analysis.collision.effects import named
-from analysis.collision.laws.own import from_mapping
+from analysis.collision.effects import effect_named
+from analysis.collision.laws.user_law import law_from_table
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
@@ -18,7 +18,7 @@ from tests.analysis.diagnosis.shots import shots as shots_of
 from tests.law_rigs import LawRig, Memory
 
 SIZE_N, LINE_HZ = 2e-3, 90.0
-SHAKEN = from_mapping(
+SHAKEN = law_from_table(
     {
         "name": "shaken",
         "where": "plate",
@@ -89,14 +89,14 @@ def test_in_the_model_it_is_all_there_is(on_a_frame: tuple[Motion, ...]) -> None
     told = diagnose(on_a_frame, accepted=(WIDE,))
     assert told.verdict is Verdict.ADEQUATE
     read = from_text(to_text(saved(told.fit_after, ("a", "b", "c"), told)))
-    assert read.effects == (named(WIDE),) and read.parameters[f"{WIDE}.plate_factor"].value == pytest.approx(
+    assert read.effects == (effect_named(WIDE),) and read.parameters[f"{WIDE}.plate_factor"].value == pytest.approx(
         0.8, abs=2e-3
     )
 
 
 def test_the_narrow_one_in_the_model_stays_what_it_is(on_a_frame: tuple[Motion, ...]) -> None:
-    start = accept(base_fit(on_a_frame), trial_effects(), (named("frame_vibration"),), lambda: False)
-    assert start.effects == (named("frame_vibration"),)
+    start = accept(base_fit(on_a_frame), trial_effects(), (effect_named("frame_vibration"),), lambda: False)
+    assert start.effects == (effect_named("frame_vibration"),)
 
 
 def test_a_plate_that_stays_is_none_of_it() -> None:

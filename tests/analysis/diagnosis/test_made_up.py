@@ -7,7 +7,7 @@ import pytest
 
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
-from analysis.collision.effects.row import Acts, Effect, Parameter, Sensed
+from analysis.collision.effects.row import Acts, Effect, Parameter, SensorInput
 from analysis.collision.parameters import PAPER
 from analysis.diagnosis import words
 from analysis.diagnosis.diagnosis_of_shots import diagnose
@@ -39,7 +39,7 @@ def sloshing(s: Any, p: Any, out: Any) -> None:
     out[W_RATE] -= pull
 
 
-def cubic_drift(seen: Sensed, x: Any, p: Any) -> Any:
+def cubic_drift(seen: SensorInput, x: Any, p: Any) -> Any:
     """Measure x + b t^3; p = (b in m/s^3).  Made up."""
     return x + p[0] * seen.time_s[:, None] ** 3
 
@@ -60,7 +60,7 @@ SLOSHING = Effect(
     "mass_kg",
     sloshing,
     hidden=2,
-    rides=True,
+    moves_with_block=True,
     fastest=lambda values, _: 1 / float(values[1]),
 )
 CUBIC_DRIFT = Effect(

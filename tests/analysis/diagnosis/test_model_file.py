@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import effects_named, named
+from analysis.collision.effects import effect_named, effects_named
 from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
 from analysis.diagnosis.result import Errors
 from analysis.drive import LAWS
@@ -17,7 +17,7 @@ from analysis.shot.quantity import Quantity
 
 MODEL = SavedModel(
     base="paper",
-    effects=(named("coulomb_friction"),),
+    effects=(effect_named("coulomb_friction"),),
     parameters={
         "plate_stiffness_n_per_m": Quantity(221.3977, 0.0003),
         "coulomb_friction.force_n": Quantity(9.0e-5, 3.5e-8),
@@ -38,10 +38,10 @@ def test_what_is_written_comes_back() -> None:
 
 
 def test_an_effect_that_no_diagnosis_named_stays_marked() -> None:
-    tried = dataclasses.replace(MODEL, tried=(named("coulomb_friction"),))
-    assert "tried" not in to_text(MODEL) and from_text(to_text(tried)).tried == (named("coulomb_friction"),)
+    tried = dataclasses.replace(MODEL, tried=(effect_named("coulomb_friction"),))
+    assert "tried" not in to_text(MODEL) and from_text(to_text(tried)).tried == (effect_named("coulomb_friction"),)
     with pytest.raises(ModelFileError, match="tried: 'tilt'"):
-        from_text(to_text(dataclasses.replace(MODEL, tried=(named("tilt"),))))
+        from_text(to_text(dataclasses.replace(MODEL, tried=(effect_named("tilt"),))))
 
 
 def test_a_name_that_is_no_text_does_no_harm() -> None:
@@ -160,7 +160,7 @@ def test_what_is_saved_of_a_fit_and_of_the_diagnosis_that_led_to_it() -> None:
     assert (alone.base, alone.effects, alone.parameters) == ("clamped", (friction, tilt), parameters)
     assert (alone.covariance, alone.shots, alone.errors) == ("covariance", ("one", "two"), {})  # type: ignore[comparison-overlap]
     assert alone.base_parameters == {} and alone.tried == ()
-    told = saved(fit, ["one"], diagnosed((drift_of_sensor,)), (tilt, named("adhesion")))
+    told = saved(fit, ["one"], diagnosed((drift_of_sensor,)), (tilt, effect_named("adhesion")))
     assert told.errors == {name: name for name in ("before", "after", "held_out_after")}
     assert told.base_parameters == {"base": 1} and told.tried == (tilt,)
     assert saved(fit, [], diagnosed((friction,))).base_parameters == {}  # no base alone
@@ -197,7 +197,7 @@ def test_an_effect_may_take_stiffness_away_and_damping_may_be_nothing() -> None:
 
 def test_a_drive_has_a_catalogue_of_its_own() -> None:
     friction = effect_in_file("coulomb_friction", "driven")
-    assert friction is LAWS["coulomb_friction"] and effect_in_file("coulomb_friction", "paper") is named(
+    assert friction is LAWS["coulomb_friction"] and effect_in_file("coulomb_friction", "paper") is effect_named(
         "coulomb_friction"
     )
     assert effect_in_file("adhesion", "driven") is None and effect_in_file("stribeck_friction", "paper") is None

@@ -19,7 +19,7 @@ from analysis.diagnosis.verdict.prediction_errors import (
     evaluate_predictions,
 )
 from analysis.diagnosis.wording import prediction_words
-from analysis.shot.plate import stated_n_per_m
+from analysis.shot.plate import stated_stiffness_n_per_m
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
 from analysis.shot.shot import AnalysisError, Cancelled
@@ -32,7 +32,7 @@ SECOND = ("plate_2_stiffness_n_per_m", "plate_2_mass_kg")
 
 def _model(first: float, second: float | None) -> SavedModel:
     """Return a model of one or two plates that are so many times as stiff as THIN states."""
-    stated = stated_n_per_m(THIN)
+    stated = stated_stiffness_n_per_m(THIN)
     assert stated is not None
     values = dict(zip(NAMES, (first * stated, 2e-4, 1e4), strict=True))
     if second is not None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import WIDER, Infeasible
+from analysis.collision import WIDER_EFFECTS, Infeasible
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.search import forward_selection, search
 from analysis.diagnosis.search.search import Search, SearchResult
@@ -289,7 +289,7 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
 @pytest.mark.parametrize("one_body", [True, False])
 @pytest.mark.parametrize("feasible", [True, False])
 def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_body: bool, feasible: bool) -> None:
-    (row,) = WIDER.values()
+    (row,) = WIDER_EFFECTS.values()
     (narrow,) = forward_selection.contained_effects([row, TILT])
     kept = KINDS["tilt"]
     made: list[Any] = []

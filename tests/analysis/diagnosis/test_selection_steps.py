@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import WIDER, Infeasible
-from analysis.collision.effects import effects_named, named
+from analysis.collision import WIDER_EFFECTS, Infeasible
+from analysis.collision.effects import effect_named, effects_named
 from analysis.diagnosis.search import forward_selection as module
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -287,8 +287,8 @@ def test_an_effect_is_taken_out_with_the_numbers_that_the_others_have(feasible: 
 
 
 def test_pairs_of_effects_that_were_fitted_alone_are_fitted_together_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    (row,) = WIDER.values()
-    narrow = named(row.widens)
+    (row,) = WIDER_EFFECTS.values()
+    narrow = effect_named(row.widens)
     trail = trail_of(
         Fit(900.0), Fit(100.0, DRAG), Fit(110.0, TILT), Fit(120.0, narrow), Fit(130.0, row), Fit(140.0, MODE),
         Fit(50.0, DRAG, TILT), Fit(895.0, CUBIC),

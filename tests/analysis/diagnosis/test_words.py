@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from analysis.collision.effects import effects_named, named
+from analysis.collision.effects import effect_named, effects_named
 from analysis.diagnosis import words
 from analysis.diagnosis.result import FoundEffect, Freedom, Phase, Remainder, Verdict
 from analysis.shot.quantity import Quantity
@@ -38,13 +38,13 @@ def test_a_parameter_in_words() -> None:
         words.parameter_words("moving_mass_kg") == "moving mass"
         and words.parameter_words("velocity_m_per_s.3") == "velocity of shot 3"
     )
-    assert words.quantity("force_n", FORCE) == f"{FORCE.in_a_sentence()} N"
-    assert words.quantity("share", FORCE) == FORCE.in_a_sentence()
-    assert words.quantity("force_n", FORCE, "mN") == f"{FORCE.in_a_sentence()} mN"
+    assert words.quantity("force_n", FORCE) == f"{FORCE.in_text()} N"
+    assert words.quantity("share", FORCE) == FORCE.in_text()
+    assert words.quantity("force_n", FORCE, "mN") == f"{FORCE.in_text()} mN"
 
 
 def test_a_found_effect_alone_in_its_class_and_among_too_many() -> None:
-    size = f"force {FORCE.in_a_sentence()} N"
+    size = f"force {FORCE.in_text()} N"
     assert words.found(found(FRICTION)) == f"{FRICTION.short_words}: {size}"
     assert words.found(found(FRICTION, phase_rad=FORCE, force_n=FORCE)) == f"{FRICTION.short_words}: {size}"
     assert words.found(found(FRICTION, DRAG, SQUARE)) == (
@@ -56,7 +56,7 @@ def test_a_found_effect_alone_in_its_class_and_among_too_many() -> None:
     )
     many = effects_named(("viscous_drag", "tilt", "block_mode", "quadratic_drag", "sensor_drift"))
     assert " or " in words.found(found(FRICTION, *many))
-    assert words.found(found(FRICTION, *many, named("plate_damping"))) == (
+    assert words.found(found(FRICTION, *many, effect_named("plate_damping"))) == (
         f"a further small effect whose form these data do not determine (best fit: {FRICTION.short_words}: {size})"
     )
 
@@ -145,11 +145,11 @@ def test_blind_spots_in_words() -> None:
         ((found(DRAG, SQUARE),), (0.2, 0.33), "two more shots at 0.49 m/s, and more than one at 0.2 m/s"),
         ((found(DRAG),), (0.2, 0.33), ""),
         (
-            (found(named("sensor_drift"), FRICTION),), (0.2, 0.33),
+            (found(effect_named("sensor_drift"), FRICTION),), (0.2, 0.33),
             "a slow shot at 0.06 m/s, recorded over the whole flight: drift effects grow with time",
         ),
         (
-            (found(FRICTION, named("sensor_drift"), DRAG),), (0.2, 0.33),
+            (found(FRICTION, effect_named("sensor_drift"), DRAG),), (0.2, 0.33),
             "a slow shot at 0.06 m/s, recorded over the whole flight: drift effects grow with time",
         ),
     ],
@@ -170,7 +170,7 @@ def law(**changes: Any) -> Any:
 
 
 def test_a_learned_law_in_a_sentence() -> None:
-    size = f"a {FORCE.in_a_sentence()} N/m³"
+    size = f"a {FORCE.in_text()} N/m³"
     assert words.learned(law()) == f"a force on the block as a function of place, cubic: a*x**3 with {size}"
     contact = law(where="contact", argument="overlap", form="constant", formula="a")
     assert words.learned(contact) == f"a force between block and plate while they touch, constant: a with {size}"

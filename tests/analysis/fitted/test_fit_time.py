@@ -11,8 +11,8 @@ import pytest
 from analysis.drive.regression import Regression, regress
 from analysis.drive.stretch import Table
 from analysis.fitted import fit_time
-from analysis.fitted.fit_time import FitTime, run_in_time
-from analysis.fitted.fitted_shot import fit_again, fit_jointly
+from analysis.fitted.fit_time import FitTime, run_with_time_limit
+from analysis.fitted.fitted_shot import fit_jointly, fit_shot
 from analysis.pipeline import analyse_motion
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
 from analysis.signal.record import motion_from_displacement
@@ -68,7 +68,7 @@ def test_the_fit_of_a_drive_has_a_limit_of_time_too(monkeypatch: pytest.MonkeyPa
 def test_a_cancelled_fit_ends_at_once() -> None:
     shot = shot_of(2e3, 1.0, AnalysisSettings(fit=False))
     with pytest.raises(Cancelled):
-        fit_again(replace(shot, settings=AnalysisSettings()), (), lambda: True)
+        fit_shot(replace(shot, settings=AnalysisSettings()), (), lambda: True)
 
 
 def test_compiling_is_not_counted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,19 +119,19 @@ def test_a_step_that_does_not_end_is_abandoned() -> None:
             time.monotonic()
 
     with pytest.raises(AnalysisError, match="no end of the fit after 1 s"):
-        run_in_time(endless, 1.0)
+        run_with_time_limit(endless, 1.0)
     ended.set()
     assert time.process_time() - began < 8.0
-    assert run_in_time(lambda: 7, 1.0) == 7
+    assert run_with_time_limit(lambda: 7, 1.0) == 7
     with pytest.raises(ZeroDivisionError):
-        run_in_time(lambda: 1 // 0, 1.0)
+        run_with_time_limit(lambda: 1 // 0, 1.0)
     with pytest.raises(Cancelled):
-        run_in_time(lambda: time.sleep(5.0), 1.0, lambda: True)
+        run_with_time_limit(lambda: time.sleep(5.0), 1.0, lambda: True)
 
 
 def test_the_handling_of_overflows_is_passed_on() -> None:
     with np.errstate(over="raise"):
-        assert run_in_time(lambda: np.geterr()["over"], 1.0) == "raise"
+        assert run_with_time_limit(lambda: np.geterr()["over"], 1.0) == "raise"
 
 
 def test_a_fit_has_a_second_at_least() -> None:

@@ -4,24 +4,24 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.effects.row import Effect
 from analysis.fitted import fitted_shot
 from analysis.fitted.fitted_shot import (
     ReadingsModel,
-    awaits_fit,
     can_be_fitted,
-    fit_again,
     fit_jointly,
+    fit_pending,
+    fit_shot,
     in_words,
     read_together,
     readings_model,
     readings_model_result,
     unfitted,
     with_fit,
-    with_fit_to_follow,
+    with_fit_pending,
 )
-from analysis.shot.consistency import concerning
+from analysis.shot.consistency import flags_affecting
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.shot import AnalysisError, Shot
@@ -46,10 +46,10 @@ def test_a_new_fit_replaces_all_of_the_old_one() -> None:
     shot = replace(synthetic.shot(), flags=("clipped",))
     first = with_fit(shot, of_fit(0.4, "contact_damping_n_s_per_m_at_bound"))
     assert first.flags == ("clipped", "contact_damping_n_s_per_m_at_bound")
-    second = with_fit(first, of_fit(0.2, effects=(named("tilt"),)))
+    second = with_fit(first, of_fit(0.2, effects=(effect_named("tilt"),)))
     assert second.flags == ("clipped",)
     assert contact(second) > contact(first) + 0.05
-    assert second.settings.effects == (named("tilt"),)
+    assert second.settings.effects == (effect_named("tilt"),)
     assert with_fit(first, second.fit) == second
     assert second.impact is not None and shot.impact is not None
     others = replace(second.impact, cor_kinetic=shot.impact.cor_kinetic)
@@ -74,7 +74,7 @@ def test_a_failed_fit_is_flagged_until_one_succeeds() -> None:
 @pytest.mark.parametrize("missing", ["motion", "impact"])
 def test_a_shot_without_anything_to_fit_is_unchanged(missing: str) -> None:
     shot = replace(synthetic.shot(), **{missing: None})
-    assert fit_again(shot, ("tilt",)) is shot
+    assert fit_shot(shot, ("tilt",)) is shot
 
 
 def test_a_joint_fit_gives_each_shot_its_own_part() -> None:
@@ -90,23 +90,23 @@ def test_vibration_flags_concern_the_fitted_numbers_alone() -> None:
     assert shot.impact is not None
     shaken = replace(shot, impact=replace(shot.impact, flags=("vibration",)), flags=("vibration",))
     fitted = with_fit(shaken, of_fit(0.4))
-    assert "plate_shaken" in concerning("plate_mass_kg", fitted.flags)
-    assert concerning("stiffness_slope_n_per_m", fitted.flags) == ()
+    assert "plate_shaken" in flags_affecting("plate_mass_kg", fitted.flags)
+    assert flags_affecting("stiffness_slope_n_per_m", fitted.flags) == ()
     assert "plate_shaken" not in with_fit(replace(fitted, impact=shot.impact), of_fit(0.4)).flags
 
 
 def test_a_shot_that_was_read_awaits_its_fit_where_there_is_something_to_fit() -> None:
     shot = replace(synthetic.shot(), flags=("clipped",))
-    waits = with_fit_to_follow(shot)
-    assert waits.flags == ("clipped", "fit_to_follow") and awaits_fit(waits) and not awaits_fit(shot)
+    waits = with_fit_pending(shot)
+    assert waits.flags == ("clipped", "fit_to_follow") and fit_pending(waits) and not fit_pending(shot)
     assert waits.impact is not None and isinstance(waits.impact.cor_kinetic.contact, NotSeen)
-    assert with_fit_to_follow(waits) == waits
+    assert with_fit_pending(waits) == waits
     assert with_fit(waits, of_fit(0.4)).flags == ("clipped",)
     driven = replace(shot, impact=None, settings=replace(shot.settings, model="driven"))
-    assert can_be_fitted(shot) and can_be_fitted(driven) and with_fit_to_follow(driven).impact is None
+    assert can_be_fitted(shot) and can_be_fitted(driven) and with_fit_pending(driven).impact is None
     unwanted = replace(shot, settings=replace(shot.settings, fit=False))
     for other in (replace(shot, impact=None), replace(driven, motion=None), unwanted):
-        assert not can_be_fitted(other) and with_fit_to_follow(other) is other
+        assert not can_be_fitted(other) and with_fit_pending(other) is other
     failed = unfitted(shot, "too short")
     assert failed.fit is None and failed.fit_problem == "too short" and failed.flags == ("clipped", "fit_failed")
 
@@ -117,13 +117,13 @@ def test_a_fit_that_fails_keeps_the_effects_that_were_asked_for(monkeypatch: pyt
 
     monkeypatch.setattr(fitted_shot, "fit_jointly", fails)
     shot = synthetic.shot()
-    failed = fit_again(shot, (named("tilt"),))
-    assert failed.settings == replace(shot.settings, effects=(named("tilt"),))
+    failed = fit_shot(shot, (effect_named("tilt"),))
+    assert failed.settings == replace(shot.settings, effects=(effect_named("tilt"),))
     assert (failed.fit, failed.fit_problem, failed.problem) == (None, "no trajectory", shot.problem)
     driven = replace(shot, impact=None, problem="odd", settings=replace(shot.settings, model="driven"))
-    again = fit_again(driven, ())
+    again = fit_shot(driven, ())
     assert (again.problem, again.fit_problem) == ("odd", shot.fit_problem)
-    assert fit_again(replace(driven, problem=None), ()).problem == "no trajectory"
+    assert fit_shot(replace(driven, problem=None), ()).problem == "no trajectory"
 
 
 def test_a_fit_is_made_of_the_shots_own_motion_model_and_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,15 +131,15 @@ def test_a_fit_is_made_of_the_shots_own_motion_model_and_time(monkeypatch: pytes
 
     def fits(*given: object) -> Fit:
         asked.append(given)
-        return of_fit(0.4, effects=(named("tilt"),))
+        return of_fit(0.4, effects=(effect_named("tilt"),))
 
     monkeypatch.setattr(fitted_shot, "fit_jointly", fits)
     shot = synthetic.shot()
     shot = replace(shot, fit_problem="old", settings=replace(shot.settings, model="clamped", fit_seconds=3.5))
     stop = bool
-    found = fit_again(shot, (named("tilt"),), stop)
-    assert asked == [([shot.motion], "clamped", (named("tilt"),), stop, [None], 3.5)]
-    assert found.fit_problem is None and found.fit is not None and found.settings.effects == (named("tilt"),)
+    found = fit_shot(shot, (effect_named("tilt"),), stop)
+    assert asked == [([shot.motion], "clamped", (effect_named("tilt"),), stop, [None], 3.5)]
+    assert found.fit_problem is None and found.fit is not None and found.settings.effects == (effect_named("tilt"),)
 
 
 def test_what_ends_a_fit_is_told_without_the_parameters_it_ended_at(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -151,7 +151,7 @@ def test_what_ends_a_fit_is_told_without_the_parameters_it_ended_at(monkeypatch:
         limits.append((seconds, words))
         raise ending[-1]
 
-    monkeypatch.setattr(fitted_shot, "run_in_time", ends)
+    monkeypatch.setattr(fitted_shot, "run_with_time_limit", ends)
     motion = synthetic.shot().motion
     assert motion is not None
     for error, said in (
@@ -185,8 +185,8 @@ def test_the_fitted_ones_of_shots_are_read_with_their_part_of_a_joint_fit() -> N
 
 
 def test_readings_that_come_from_a_model_are_named_with_it() -> None:
-    shot = with_fit(synthetic.shot(), of_fit(0.4, effects=(named("tilt"),)))
-    contact_only = ReadingsModel("paper", (named("tilt"),), ("cor_kinetic.contact",))
+    shot = with_fit(synthetic.shot(), of_fit(0.4, effects=(effect_named("tilt"),)))
+    contact_only = ReadingsModel("paper", (effect_named("tilt"),), ("cor_kinetic.contact",))
     assert readings_model(shot) == contact_only
     assert readings_model_result(contact_only) == {
         "base": "paper", "effects": ["tilt"], "readings": ["cor_kinetic.contact"],

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import settings as examples
 from hypothesis import strategies as st
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER, Collision, Variant
 from analysis.fitted.readings_from_fit import contact_cor, fitted_contact_cor
 from analysis.shot.fit import Fit
@@ -122,7 +122,7 @@ def test_a_model_without_contact_states_why() -> None:
     for other, word in (
         (replace(fit, converged=False), "converge"),
         (replace(fit, model="driven", parameters={}), "slider"),
-        (replace(fit, effects=(named("adhesion"),)), "adhesion"),
+        (replace(fit, effects=(effect_named("adhesion"),)), "adhesion"),
         (replace(fit, covariance=np.full((4, 4), np.nan)), "determine"),
     ):
         reading = fitted_contact_cor(other, PAPER.block_mass_kg)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER, Infeasible
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.course import Course
@@ -20,7 +20,7 @@ def model_of(
     time_s: Floats, base: Floats, own: Floats, values: Mapping[str, Mapping[str, float]], model: str = "paper"
 ) -> ShotModel:
     """Return a base model with effects of these ``values``, by effect and parameter, at the times of averages."""
-    by_effect = {named(name): given for name, given in values.items()}
+    by_effect = {effect_named(name): given for name, given in values.items()}
     return ShotModel(samples_at(time_s, _A_SAMPLE), base_named(model), base, own, by_effect)
 
 

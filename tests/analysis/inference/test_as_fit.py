@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.search.search import accept
 from analysis.inference.fit.as_fit import _has_transient_excess, _sway_left_std_m, as_fit, effect_parameters
@@ -23,7 +23,7 @@ from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 def test_the_velocity_out_is_that_after_the_last_release_with_its_own_uncertainty() -> None:
     name = "coulomb_friction"
     motions = shots({name: {"force_n": 2e-5}}, count=2)
-    ours = as_fit(accept(base_fit(motions), list(KINDS.values()), (named(name),), calm), motions, "paper", 0.0)
+    ours = as_fit(accept(base_fit(motions), list(KINDS.values()), (effect_named(name),), calm), motions, "paper", 0.0)
     other = fit_shots(motions, effects=(name,))
     for mine, theirs in zip(ours.shots, other.shots, strict=True):
         out, reference = mine.velocity_out_m_per_s, theirs.velocity_out_m_per_s
@@ -72,7 +72,7 @@ def test_the_noise_of_a_sample_is_that_of_the_motion_and_not_of_the_means_that_w
 
 
 def test_an_effects_own_parameters_carry_the_number_of_their_shot_from_the_second_on() -> None:
-    effect = named("plate_motion")  # how the plate still swings from the shot before
+    effect = effect_named("plate_motion")  # how the plate still swings from the shot before
     fitted = accept(base_fit(shots({})), list(KINDS.values()), (effect,), calm)
     found = effect_parameters(fitted)[effect]
     speeds = [values[effect]["velocity_m_per_s"] for values in fitted.point.values]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.collision import Infeasible
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.search.search import search_from_base
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference.fit import first_fit as module
@@ -28,8 +28,8 @@ def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collisi
     assert given.left > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff
     best, trail = search_from_base(before, given, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
-    assert trail.start is before and best.effects == (named("cubic_stiffness"),)
-    assert abs(best.point.values[0][named("cubic_stiffness")]["coefficient_n_per_m3"] / size - 1) < 1e-3
+    assert trail.start is before and best.effects == (effect_named("cubic_stiffness"),)
+    assert abs(best.point.values[0][effect_named("cubic_stiffness")]["coefficient_n_per_m3"] / size - 1) < 1e-3
 
 
 @pytest.mark.parametrize(

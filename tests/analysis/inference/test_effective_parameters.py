@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER, Infeasible
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point, to_effective, to_physical
@@ -12,7 +12,7 @@ from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from tests.analysis.diagnosis.shots import KINDS, shots
 
-DELAY, SUPPORT = named("demodulation_lag"), named("support_compliance")
+DELAY, SUPPORT = effect_named("demodulation_lag"), effect_named("support_compliance")
 OWN = np.array([[-0.15, 0.0101, 1e-3], [-0.27, 0.0102, 2e-3]])
 LAG, CLAMP = {"time_s": 7e-6}, {"compliance_m_per_n": 2e-4, "frequency_hz": 2200.0}
 
@@ -50,9 +50,9 @@ def test_a_clamp_softer_than_what_is_seen_is_no_place_for_a_search() -> None:
 
 
 def test_a_point_has_an_effect_more_with_values_for_each_shot() -> None:
-    more = point().with_effect(named("tilt"), [{"angle_rad": 1.0}, {"angle_rad": 2.0}])
+    more = point().with_effect(effect_named("tilt"), [{"angle_rad": 1.0}, {"angle_rad": 2.0}])
     assert more.base is not more.own and more.base.tolist() == point().base.tolist() and more.own is OWN
-    assert [values[named("tilt")]["angle_rad"] for values in more.values] == [1.0, 2.0]
+    assert [values[effect_named("tilt")]["angle_rad"] for values in more.values] == [1.0, 2.0]
     assert [values[DELAY] for values in more.values] == [LAG] * 2
     bare = Point(PAPER.vector[:4].copy(), OWN, ({}, {}))
     assert to_effective(bare).own.tolist() == OWN.tolist() == to_physical(bare).own.tolist()

@@ -105,7 +105,7 @@ def searched(
     """
     asked: list[float] = []
     motion = shot(PAPER)
-    site: Any = SimpleNamespace(shaking=SimpleNamespace(rms_m=3e-9)) if moves else None
+    site: Any = SimpleNamespace(vibration=SimpleNamespace(rms_m=3e-9)) if moves else None
 
     def guesses(base: Any, shots: Any, stop: Any, sways_m: float = 0.0) -> list[np.ndarray]:
         assert sways_m == (3e-9 if moves else 0.0)

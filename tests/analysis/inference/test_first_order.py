@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import CATALOGUE, named
+from analysis.collision.effects import CATALOGUE, effect_named
 from analysis.collision.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.collision.effects.row import Acts, Effect, Parameter
-from analysis.collision.first_order import along
+from analysis.collision.first_order import first_order_change
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
@@ -122,7 +122,7 @@ def test_what_is_not_linear_in_its_hidden_state_has_no_first_order() -> None:
         "hardening", "", Acts.ON_BLOCK, (Parameter("force_n", "N", 1.0),), "force_n", hardening, hidden=2
     )  # fmt: skip
     shot = model_of(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), {})
-    assert along(shot.path(1), row, PAPER, np.ones((1, 3)), TIME_S.size) is None
+    assert first_order_change(shot.path(1), row, PAPER, np.ones((1, 3)), TIME_S.size) is None
 
 
 def test_optics_that_see_no_sample_show_none() -> None:
@@ -161,4 +161,4 @@ def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pyt
 @pytest.mark.parametrize("name", ["adhesion", "sensor_drift", "plate_motion"])
 def test_what_has_a_range_or_no_force_has_no_first_order(name: str) -> None:
     none: Any = None  # no path is looked at
-    assert along(none, named(name), PAPER, np.ones((1, 3)), 5) is None
+    assert first_order_change(none, effect_named(name), PAPER, np.ones((1, 3)), 5) is None

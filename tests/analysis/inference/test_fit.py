@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.course import NoCollision
 from analysis.inference.fit.samples import averaged_shot
@@ -94,7 +94,7 @@ def test_joint_fit_with_an_effect_finds_it(name: str, values: tuple[float, ...])
     speeds = (-0.15, -0.4)
     motions = [shot(PAPER.at_speed(v), effects={name: values}, seed=i, samples=5500) for i, v in enumerate(speeds)]
     fit = fit_shots(motions, effects=(name,))
-    assert fit.converged and fit.effects == (named(name),)
+    assert fit.converged and fit.effects == (effect_named(name),)
     assert fit.reduced_chi2 == pytest.approx(1.0, abs=0.1)
     found = [q for key, q in fit.parameters.items() if key.startswith(name)]
     for quantity, value in zip(found, values, strict=True):

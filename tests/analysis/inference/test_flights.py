@@ -136,10 +136,10 @@ def test_with_a_frame_its_random_motion_and_its_lines_are_left_out(monkeypatch: 
         return np.array([1.0, 2.0]), np.array([1e-20, 1e-20])
 
     monkeypatch.setattr(flights, "spectrum_of", spectrum)
-    shaking = SimpleNamespace(
+    vibration = SimpleNamespace(
         frequency_hz=np.array([1.0, 30.0, 55.0, 90.0]), random=np.array([True, True, False, False])
     )
-    site: Any = SimpleNamespace(shaking=shaking, bands=3)
+    site: Any = SimpleNamespace(vibration=vibration, bands=3)
     course = SimpleNamespace(quiet_in=slice(0, 24), quiet_out=slice(30, 53))  # one sample too few
     shot: Any = SimpleNamespace(
         spacing_s=1e-3, course=course, factor=1, valid=np.ones(60, dtype=bool), displacement_m=np.zeros(60), weight=1.0

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.acting import Active
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.general import solve
 from analysis.collision.linearisation import linear_path
+from analysis.collision.mechanical_effects import ActiveEffect
 from analysis.collision.on_moving_frame import moved_by_frame
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.frame_response import STILL, plate_swing_std, responses
 from analysis.pipeline import analyse
-from analysis.shot.consistency import concerning
-from analysis.shot.impact import Shaking, VibrationLine
+from analysis.shot.consistency import flags_affecting
+from analysis.shot.impact import VibrationLine, VibrationSpectrum
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import Shot
 from instrument.bench import forces as slot
@@ -49,7 +49,7 @@ def _off(frequency_hz: float, effects: Effects, known: Effects, size_m: float = 
     rig[4:7] = float(run.states[at, slot.BLOCK_V]), x_p, v_p
     collision = with_vector(PAPER, rig)
     time_s = np.linspace(-0.006, 0.045, 1021)
-    acting = [Active(named(name), tuple(values.values())) for name, values in effects.items()]
+    acting = [ActiveEffect(effect_named(name), tuple(values.values())) for name, values in effects.items()]
     still = solve(collision, acting, time_s).displacement_m
     still += float(run.states[at, slot.BLOCK_X]) - solve(collision, acting, np.zeros(1)).displacement_m[0]
     path = linear_path(collision, [one for one in acting if one.effect.name in known], time_s)
@@ -91,13 +91,15 @@ def _shot(site: str, seed: int, *knocks: Knock) -> Shot:
 
 def test_closer_sines_stand_for_the_same_floor_over_longer() -> None:
     frequency = np.arange(2.0, 1000.0, 20.0)
-    shaking = Shaking(frequency, 1e-15 / (frequency + 60.0) ** 2, np.ones(frequency.size, dtype=np.bool_))
+    vibration = VibrationSpectrum(frequency, 1e-15 / (frequency + 60.0) ** 2, np.ones(frequency.size, dtype=np.bool_))
     line = VibrationLine(Quantity(296.0, 0.1), Quantity(1e-8, 1e-10), 0.0)
-    close = shaking.with_lines([line]).closer(7.0)
+    close = vibration.with_lines([line]).with_spacing(7.0)
     assert np.diff(close.frequency_hz[close.random]).max() <= 7.0
     assert np.array_equal(close.frequency_hz[~close.random], [295.9, 296.1])
-    assert close.power_m2[close.random].sum() == pytest.approx(shaking.power_m2.sum(), rel=0.1)
-    covariance = [s.power_m2[s.random] @ np.cos(2 * np.pi * s.frequency_hz[s.random] * 0.05) for s in (shaking, close)]
+    assert close.power_m2[close.random].sum() == pytest.approx(vibration.power_m2.sum(), rel=0.1)
+    covariance = [
+        s.power_m2[s.random] @ np.cos(2 * np.pi * s.frequency_hz[s.random] * 0.05) for s in (vibration, close)
+    ]
     assert abs(covariance[1]) < 0.3 * abs(covariance[0])  # twenty hertz apart, all sines meet again after 50 ms
 
 
@@ -128,7 +130,7 @@ def test_fitted_parameters_hold_in_a_building(site: str) -> None:
 
 def test_a_knock_during_the_contact_is_suspected_and_a_shaken_site_is_none() -> None:
     knocked = _shot("VC-F", 3, Knock(30e-9, 120.0, at_s=0.015))  # 3 ms after the touch
-    assert "knock_suspected" in concerning("contact_stiffness_n_per_m", knocked.flags)
+    assert "knock_suspected" in flags_affecting("contact_stiffness_n_per_m", knocked.flags)
     for site in ("VC-C", "VC-F"):
         assert "knock_suspected" not in _shot(site, 3).flags
 
@@ -136,18 +138,18 @@ def test_a_knock_during_the_contact_is_suspected_and_a_shaken_site_is_none() -> 
 def test_a_quiet_bench_is_fitted_as_ever() -> None:
     shot = _shot("quiet", 3)
     assert shot.fit is not None and not shot.fit.on_frames
-    assert shot.impact is not None and shot.impact.disturbance is not None and shot.impact.disturbance.shaking is None
+    assert shot.impact is not None and shot.impact.disturbance is not None and shot.impact.disturbance.vibration is None
 
 
 def test_a_plate_swings_with_what_shakes_it_near_its_own_note() -> None:
     shot = _shot("VC-C", 4)
     assert shot.impact is not None and shot.impact.disturbance is not None
-    shaking = shot.impact.disturbance.shaking
-    assert shaking is not None
+    vibration = shot.impact.disturbance.vibration
+    assert vibration is not None
     rig = Bench(site=site_named("VC-C"), seed=4)
     own = float(np.sqrt(PAPER.plate_stiffness_n_per_m / PAPER.plate_mass_kg))
     swings = [frame_of(rig.site, seed).plate_response(own)[0] for seed in range(40)]
-    displacement, velocity = plate_swing_std(shaking, PAPER)
+    displacement, velocity = plate_swing_std(vibration, PAPER)
     assert velocity == pytest.approx(own * displacement)
     assert 0.4 < displacement / float(np.std(swings)) < 4.0
 
@@ -156,9 +158,9 @@ def test_a_trial_plate_that_nothing_swings_is_still_weighed() -> None:
     """A first guess may have hardly a mass: the swing that a frame gives it underflows."""
     shot = _shot("VC-C", 4)
     assert shot.impact is not None and shot.impact.disturbance is not None
-    shaking = shot.impact.disturbance.shaking
-    assert shaking is not None
-    assert plate_swing_std(shaking, replace(PAPER, plate_mass_kg=1e-300)) >= STILL
+    vibration = shot.impact.disturbance.vibration
+    assert vibration is not None
+    assert plate_swing_std(vibration, replace(PAPER, plate_mass_kg=1e-300)) >= STILL
 
 
 def test_a_plate_swings_as_a_resonator_that_the_frame_drives() -> None:
@@ -166,13 +168,13 @@ def test_a_plate_swings_as_a_resonator_that_the_frame_drives() -> None:
     own = np.sqrt(PAPER.plate_stiffness_n_per_m / PAPER.plate_mass_kg)
     lines = np.array([0.3, 0.8, 1.7]) * own / (2 * np.pi)
     power = np.array([1e-16, 4e-16, 9e-16])
-    still, moving = plate_swing_std(Shaking(lines, power, np.zeros(3, dtype=bool)), PAPER)
+    still, moving = plate_swing_std(VibrationSpectrum(lines, power, np.zeros(3, dtype=bool)), PAPER)
     share = lines * 2 * np.pi / own
     driven = np.sqrt(np.sum(power * (share**2 / np.abs(1 - share**2 + 1j * share / 300.0)) ** 2))
     assert still == pytest.approx(driven, rel=1e-6) and moving == pytest.approx(own * still)
     frequency = np.arange(1.0, 1.0 + 4.0 * own / (2 * np.pi), 2.0)
     level = 1e-18  # m^2/Hz throughout
-    random = Shaking(frequency, np.full(frequency.size, 2.0 * level), np.ones(frequency.size, dtype=bool))
+    random = VibrationSpectrum(frequency, np.full(frequency.size, 2.0 * level), np.ones(frequency.size, dtype=bool))
     fine = np.arange(0.01, frequency[-1], 0.01)
     share = fine * 2 * np.pi / own
     exact = np.sqrt(level * 0.01 * np.sum((share**2 / np.abs(1 - share**2 + 1j * share / 300.0)) ** 2))

@@ -3,18 +3,18 @@
 import pytest
 
 from analysis.collision import CATALOGUE, NUISANCES
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.inference.fit.free_parameters import trial_effect, trial_effects, trials_of
 
 
 def test_starts_are_all_combinations_of_what_is_tried() -> None:
-    mode = trial_effect(named("second_plate_mode"))
+    mode = trial_effect(effect_named("second_plate_mode"))
     mass, frequency, damping = mode.effect.parameters
     assert mode.starts == tuple(
         {"mass_kg": mass.tried[0], "frequency_hz": hertz, "damping_ratio": damping.tried[0]} for hertz in frequency.grid
     )
-    assert trial_effect(named("coulomb_friction")).starts == ({"force_n": 2e-5},)  # its natural size
-    error = trial_effect(named("cyclic_error"))
+    assert trial_effect(effect_named("coulomb_friction")).starts == ({"force_n": 2e-5},)  # its natural size
+    error = trial_effect(effect_named("cyclic_error"))
     assert [start["order"] for start in error.starts] == [1.0, 2.0]
     assert [p.name for p in error.shared] == ["amplitude_m"] and [p.name for p in error.own] == ["phase_rad"]
     assert error.fixed_in({"amplitude_m": 1.0, "order": 2.0, "phase_rad": 3.0}) == {"order": 2.0}
@@ -30,7 +30,7 @@ def test_starts_are_all_combinations_of_what_is_tried() -> None:
     ],
 )
 def test_an_effect_is_three_times_as_strong(name: str, values: tuple[float, ...], stronger: tuple[float, ...]) -> None:
-    kind = trial_effect(named(name))
+    kind = trial_effect(effect_named(name))
     names = [p.name for p in kind.effect.parameters]
     found = kind.times(dict(zip(names, values, strict=True)), 3.0)
     assert found == pytest.approx(dict(zip(names, stronger, strict=True)))
@@ -39,7 +39,7 @@ def test_an_effect_is_three_times_as_strong(name: str, values: tuple[float, ...]
 
 def test_all_effects_come_in_the_catalogues_order_and_further_ones_once_after_them() -> None:
     (nuisance,) = NUISANCES.values()
-    tilt = named("tilt")
+    tilt = effect_named("tilt")
     found = [kind.effect for kind in trial_effects((nuisance, tilt, nuisance))]
     assert found == [*CATALOGUE.values(), nuisance]
     assert [kind.effect for kind in trials_of([tilt, nuisance])] == [tilt, nuisance]

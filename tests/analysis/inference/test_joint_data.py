@@ -69,7 +69,7 @@ def test_a_frames_motion_is_read_where_records_are_quick_and_there_is_a_plate(mo
     for motions, model in ((given, "paper"), (given[:1], "contact")):
         assert frame_motions_of(motions, model, ["known"] * len(motions)) == (None,) * len(motions)  # type: ignore[list-item]
     monkeypatch.setattr(
-        module, "site_of", lambda shakings, length_s, least, *, whole: (shakings, length_s, least, whole)
+        module, "site_of", lambda vibrations, length_s, least, *, whole: (vibrations, length_s, least, whole)
     )
     assert site_under(given, [None], 7.0, whole=True) == ([None], 2.0, 7.0, True)
     assert site_under(given[:1], [None], 7.0) == ([None], 1.0, 7.0, False)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.linearisation import linear_path
 from analysis.collision.on_moving_frame import moved_by_frame
 from analysis.collision.parameters import Collision
@@ -69,7 +69,7 @@ def test_starts_lie_at_and_beside_the_loudest_lines_that_could_pay(monkeypatch: 
     total = np.array([50.0, 49.0, 48.0, 10.0, 40.0, 30.0, 20.0, 21.0, 60.0])
     monkeypatch.setattr(lines, "scan", lambda at: (grid, total))
     some: Any = Some(problem=Some(data=Some(shots=[Some(length_s=0.1), Some(length_s=0.2)])))
-    mode, clamp = trial_effect(named("block_mode")), trial_effect(named("support_compliance"))
+    mode, clamp = trial_effect(effect_named("block_mode")), trial_effect(effect_named("support_compliance"))
 
     def found(kind: Any, louder_than: float) -> list[float]:
         starts = starts_near_strong_lines(some, kind, louder_than)

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import Sensed
-from analysis.collision.effects import named
+from analysis.collision import SensorInput
+from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit.optics import change_shown, shown_by_optics
 from analysis.inference.fit.response import respond
@@ -46,11 +46,11 @@ def test_a_small_change_is_shown_as_two_motions_differ(have: Mapping[str, Mappin
 def test_effects_of_the_sensor_follow_each_other_on_the_records_own_light() -> None:
     shot = model_of(TIME_S, PAPER.vector[:4], OWN, {**LAG, **ERROR, "viscous_drag": {"coefficient_n_s_per_m": 1.0}})
     x, v = -0.2 * TIME_S, np.full(TIME_S.size, -0.2)
-    seen = Sensed(TIME_S, v, 632.8e-9, 10 / 5e-5)
+    seen = SensorInput(TIME_S, v, 632.8e-9, 10 / 5e-5)
     expected: Any = x[:, None]
     for have in (LAG, ERROR):
         ((name, values),) = have.items()
-        sensor = named(name).sensor
+        sensor = effect_named(name).sensor
         assert sensor is not None
         expected = sensor(seen, expected, np.array([*values.values(), 0.0, 0.0])[:3, None])
     np.testing.assert_allclose(shown_by_optics(shot, x, v), expected[:, 0], rtol=1e-14)

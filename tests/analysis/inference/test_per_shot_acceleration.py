@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import Verdict
@@ -36,7 +36,9 @@ def shots(bends: tuple[tuple[float, float], ...], drag: float = 0.0, growing: fl
 
 
 def test_bends_that_no_shared_law_gives_are_the_shots_own() -> None:
-    assert per_shot_nuisances(averaged_shots(shots(OWN)), CRITERIA.own_flights) == (named("flight_acceleration"),)
+    assert per_shot_nuisances(averaged_shots(shots(OWN)), CRITERIA.own_flights) == (
+        effect_named("flight_acceleration"),
+    )
 
 
 @pytest.mark.parametrize("drag", [0.0, 0.12])
@@ -64,9 +66,9 @@ def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monke
     found = diagnose(motions[:3], model="contact")
     assert "Fitted per shot: flight acceleration" in found.sentence
     assert found.effects == ()
-    assert found.fit_before.effects == found.fit_after.effects == (named("flight_acceleration"),)
+    assert found.fit_before.effects == found.fit_after.effects == (effect_named("flight_acceleration"),)
     model = from_text(to_text(saved(found.fit_after, ["1", "2", "3"], found)))
-    assert model.effects == (named("flight_acceleration"),)
+    assert model.effects == (effect_named("flight_acceleration"),)
     assert set(model.parameters) == set(model.base_parameters) == {
         "contact_stiffness_n_per_m", "contact_damping_n_s_per_m",
     }  # fmt: skip
@@ -157,7 +159,7 @@ def test_bends_are_the_shots_own_where_laws_would_leave_them_with_less_than_the_
 
     monkeypatch.setattr(module, "_log_likelihood", likelihood)
     taken = averaged_shots(shots(OWN))
-    assert per_shot_nuisances(taken, 1e-3) == ((named("flight_acceleration"),) if own else ())
+    assert per_shot_nuisances(taken, 1e-3) == ((effect_named("flight_acceleration"),) if own else ())
     # tilt and gradient may pull either way, friction and drags only brake; a bend may be any
     assert asked == [((8, 5), [False, True, True, True, False]), ((8, 8), [False] * 8)]
     assert per_shot_nuisances([replace(one, wavelength_m=633e-9) for one in taken], 1e-3) == () and len(asked) == 2

@@ -5,7 +5,7 @@ import pytest
 
 from analysis.inference.fit.as_fit import _has_transient_excess
 from analysis.inference.fit.shot_fit import fit_shots
-from analysis.shot.consistency import concerning
+from analysis.shot.consistency import flags_affecting
 from tests.building_rig import Path, Rig
 
 QUIET = Rig(site="", path=Path(white_m=0.1e-9, wander_m=0.05e-9))
@@ -19,7 +19,7 @@ def flags(rig: Rig, seed: int) -> tuple[str, ...]:
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_ring_is_told_at_the_numbers_that_it_spoils(ring_m: float, seed: int) -> None:
     rig = Rig(site="", path=QUIET.path, ring_m=ring_m)
-    assert concerning("plate_mass_kg", flags(rig, seed)) == ("plate_rings",)
+    assert flags_affecting("plate_mass_kg", flags(rig, seed)) == ("plate_rings",)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.collision import Infeasible
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.profile import _stds_to_unit_rise, with_profile_std
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
@@ -20,7 +20,7 @@ def test_an_attraction_is_no_surer_than_the_likelihood_along_its_valley() -> Non
     start = base_fit(shots({"adhesion": true}))
     assert with_profile_std(start, calm) is start
     problem = start.problem.with_effects((KINDS["adhesion"],), {})
-    z = problem.pack(Point(start.point.base, start.point.own, ({named("adhesion"): true},) * 3))
+    z = problem.pack(Point(start.point.base, start.point.own, ({effect_named("adhesion"): true},) * 3))
     best = problem.fit(z, evaluations=60)
     own = slice(problem.offset, problem.size)
     wide = with_profile_std(best, calm)
@@ -29,7 +29,7 @@ def test_an_attraction_is_no_surer_than_the_likelihood_along_its_valley() -> Non
     widened = with_profile_std(too_sure, calm)
     assert np.all(widened.std[own] > 3 * too_sure.std[own])  # the likelihood itself says six tenths of ``best``
     assert np.array_equal(wide.std[: problem.offset], best.std[: problem.offset])
-    found = [best.point.values[0][named("adhesion")][name] for name in ("force_n", "range_m")]
+    found = [best.point.values[0][effect_named("adhesion")][name] for name in ("force_n", "range_m")]
     assert np.all(np.abs(np.subtract(found, list(true.values()))) < 3 * wide.std[own])
 
 

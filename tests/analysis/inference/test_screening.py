@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.fit.problem import Linearised
 from analysis.inference.screen import columns, screening
@@ -17,7 +17,7 @@ from tests.analysis.diagnosis.shots import KINDS, base_fit, shots
 
 
 def _scores(name: str, *starts: tuple[float, Mapping[str, float]]) -> list[Score]:
-    kind = trial_effect(named(name))
+    kind = trial_effect(effect_named(name))
     return [Score(kind, (start, start), gain, 2) for gain, start in starts]
 
 
@@ -75,7 +75,7 @@ def test_a_start_that_leads_beyond_all_numbers_is_left_out_in_silence() -> None:
 
 
 def linear(name: str, along: float, power: float, start: float, whole: float = 0.0) -> Score:
-    kind = trial_effect(named(name))
+    kind = trial_effect(effect_named(name))
     problem: Any = SimpleNamespace(data=SimpleNamespace(shots=[1, 2]))
     products = columns.ColumnProducts(
         [{kind.amplitude[0]: start, "frequency_hz": 7.0}], *(np.array([one]) for one in (whole or power, power, along))
@@ -106,7 +106,7 @@ def test_a_linear_step_gives_an_amplitude_and_what_it_gains(
     name: str, along: float, amplitude: float, gain: float
 ) -> None:
     score = linear(name, along, 8.0, 2.0)
-    assert score.start[0][trial_effect(named(name)).amplitude[0]] == pytest.approx(amplitude)
+    assert score.start[0][trial_effect(effect_named(name)).amplitude[0]] == pytest.approx(amplitude)
     assert score.gain == pytest.approx(gain, abs=1e-6)
     assert score.worth(100) == pytest.approx(score.gain - 3 * np.log(100))
 
@@ -121,19 +121,19 @@ def test_lines_are_looked_for_between_the_points_about_the_two_best_peaks() -> N
     listed = _scores(
         "block_mode", (50.0, _mode(700.0)), (100.0, _mode(500.0)), (90.0, _mode(552.0)), (40.0, _mode(900.0))
     )
-    found = screening._between(listed, trial_effect(named("block_mode")))
+    found = screening._between(listed, trial_effect(effect_named("block_mode")))
     places = sorted({one["frequency_hz"] for one in found})
     factors = np.exp(np.linspace(-0.03, 0.03, 13))
     np.testing.assert_allclose(places, sorted([*500.0 * factors, *700.0 * factors]))
     assert {one["damping_ratio"] for one in found} == {0.003, 0.015, 0.06} and len(found) == 2 * 13 * 3
     assert {one["mass_kg"] for one in found} == {2e-5}  # as strong as it begins
     (single,) = _scores("support_compliance", (9.0, {"compliance_m_per_n": 1.0, "frequency_hz": 300.0}))
-    alone = screening._between([single], trial_effect(named("support_compliance")))
+    alone = screening._between([single], trial_effect(effect_named("support_compliance")))
     assert len(alone) == 13 and set(alone[0]) == {"compliance_m_per_n", "frequency_hz"}
 
 
 def test_a_start_is_turned_round_where_the_effect_may_act_either_way() -> None:
-    tilt, friction = trial_effect(named("tilt")), trial_effect(named("coulomb_friction"))
+    tilt, friction = trial_effect(effect_named("tilt")), trial_effect(effect_named("coulomb_friction"))
     turned = opposite(Score(tilt, ({"angle_rad": 1e-4}, {"angle_rad": 2e-4}), 9.0, 1))
     assert turned == Score(tilt, ({"angle_rad": -1e-4}, {"angle_rad": -2e-4}), 9.0, 1)
     assert opposite(Score(tilt, ({"angle_rad": -0.4},), 9.0, 1)) is not None

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from analysis.collision.effects import effects_named, named
+from analysis.collision.effects import effect_named, effects_named
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit import joint_data, shot_fit
 from analysis.inference.fit.base import base_named
@@ -135,7 +135,7 @@ def test_a_joint_fit_of_clean_shots_is_the_truth_with_its_uncertainty() -> None:
         for k, v in enumerate((-0.2, -0.33))
     ]
     fit = fit_shots(motions, effects=["viscous_drag"])
-    assert fit.converged and fit.flags == () and fit.model == "paper" and fit.effects == (named("viscous_drag"),)
+    assert fit.converged and fit.flags == () and fit.model == "paper" and fit.effects == (effect_named("viscous_drag"),)
     assert fit.reduced_chi2 == pytest.approx(1.0, abs=0.15) and 0.0 < fit.seconds < 600.0
     assert fit.chi2 == pytest.approx(fit.reduced_chi2 * (fit.samples - fit.free_parameters), rel=0.01)
     assert fit.free_parameters == 5 + 2 * 3 and not fit.on_frames

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -31,7 +31,7 @@ from analysis.inference.noise.sway import Sway, frame_response_of
 from analysis.pipeline import analyse
 from analysis.reading.read import read_frame_motion
 from analysis.shot import plate_count
-from analysis.shot.impact import Shaking
+from analysis.shot.impact import VibrationSpectrum
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings
 from instrument.bench.effects import Effects
@@ -109,42 +109,44 @@ def test_the_likeliest_plate_is_the_conditional_mean_wherever_it_was_taken_to_be
     np.testing.assert_allclose(beside + sway.plate_displacement_m(known), left, atol=1e-9)
 
 
-def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Shaking:
+def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> VibrationSpectrum:
     frequency = np.arange(2.0, 400.0, 4.0)
     at, size = (np.array(column) for column in zip(*lines, strict=True)) if lines else (np.zeros(0), np.zeros(0))
     random = np.arange(frequency.size + at.size) < frequency.size
     power = np.concatenate([np.full(frequency.size, power_m2), size])
-    return Shaking(np.concatenate([frequency, at]), power, random)
+    return VibrationSpectrum(np.concatenate([frequency, at]), power, random)
 
 
 def test_what_falls_no_faster_than_a_path_wanders_is_none_of_the_frames() -> None:
     frequency = np.arange(2.0, 1000.0, 4.0)
     of_frame, of_path = 1e-15 * (frequency / 10.0) ** -5.0, 1e-19 * (frequency / 10.0) ** -2.0
-    site = site_of((Shaking(frequency, of_frame + of_path, np.ones(frequency.size, np.bool_)),), 0.06, CRITERIA.site_nm)
+    site = site_of(
+        (VibrationSpectrum(frequency, of_frame + of_path, np.ones(frequency.size, np.bool_)),), 0.06, CRITERIA.site_nm
+    )
     assert isinstance(site, Site)
     both = 2.0 * 1e-19 / 1e-15  # of path over frame: where all is three times the path
     fastest = 10.0 * both ** (-1 / 3)
-    assert site.shaking.frequency_hz[-1] == pytest.approx(fastest, rel=0.05)
+    assert site.vibration.frequency_hz[-1] == pytest.approx(fastest, rel=0.05)
 
 
 def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
     one, other = flat(1e-16, ((100.0, 4e-18),)), flat(3e-16, ((101.0, 2e-18), (296.0, 1e-18)))
     site = site_of((one, other), 0.06, CRITERIA.site_nm)
     assert isinstance(site, Site)
-    lines = site.shaking.frequency_hz[~site.shaking.random]
+    lines = site.vibration.frequency_hz[~site.vibration.random]
     assert list(lines) == [100.0, 101.0, 296.0]
-    assert list(site.band[~site.shaking.random] - site.random_bands) == [0, 0, 1]
-    assert site.shaking.power_m2[~site.shaking.random] == pytest.approx([2e-18, 1e-18, 0.5e-18])
-    assert site.shaking.density_m2_per_hz(200.0) == pytest.approx(2e-16 / 4.0, rel=0.02)
+    assert list(site.band[~site.vibration.random] - site.random_bands) == [0, 0, 1]
+    assert site.vibration.power_m2[~site.vibration.random] == pytest.approx([2e-18, 1e-18, 0.5e-18])
+    assert site.vibration.density_m2_per_hz(200.0) == pytest.approx(2e-16 / 4.0, rel=0.02)
     # sines closer than one over the record stand for random motion, in bands of a third of an octave
-    sines = site.shaking.frequency_hz[site.shaking.random]
+    sines = site.vibration.frequency_hz[site.vibration.random]
     np.testing.assert_allclose(sines, 0.45 / 0.06 * (0.25 + np.arange(sines.size)))
     assert 0.45 / 0.06 > 296.0 - sines[-1] > 0.0 and site.bands == site.random_bands + 2
     thirds = np.floor(3.0 * np.log2(sines[1:] / sines[1]))
     np.testing.assert_array_equal(np.diff(site.band[: sines.size])[1:] > 0, np.diff(thirds) > 0)
     assert site.band[:2].tolist() == [0, 0] and site.random_bands == np.unique(thirds).size
-    assert site_of((one, None), 0.06, CRITERIA.site_nm).shaking.power_m2[-1] == pytest.approx(2e-18)  # type: ignore[union-attr]
-    assert Site(Shaking(*[np.zeros(0)] * 2, np.zeros(0, bool)), np.zeros(0, int), 0).bands == 0
+    assert site_of((one, None), 0.06, CRITERIA.site_nm).vibration.power_m2[-1] == pytest.approx(2e-18)  # type: ignore[union-attr]
+    assert Site(VibrationSpectrum(*[np.zeros(0)] * 2, np.zeros(0, bool)), np.zeros(0, int), 0).bands == 0
 
 
 @pytest.mark.parametrize(("whole", "sines"), [(False, 50), (True, 100)])
@@ -152,9 +154,9 @@ def test_all_motion_is_the_frames_where_that_is_supposed(whole: bool, sines: int
     """A path's density falls with the square of the frequency: above its knee the motion is not the frame's."""
     frequency = 0.45 / 0.06 * (0.25 + np.arange(100))
     level = np.where(np.arange(100) < 50, 3.1, 1.0) * 1e-13
-    shaking = Shaking(frequency, level / frequency**2, np.ones(100, bool))
-    found = site_of((shaking,), 0.06, 0.0, whole=whole)
-    assert found is not None and abs(found.shaking.frequency_hz.size - sines) <= 1
+    vibration = VibrationSpectrum(frequency, level / frequency**2, np.ones(100, bool))
+    found = site_of((vibration,), 0.06, 0.0, whole=whole)
+    assert found is not None and abs(found.vibration.frequency_hz.size - sines) <= 1
 
 
 def test_a_quiet_table_is_no_site() -> None:
@@ -167,9 +169,9 @@ def test_a_quiet_table_is_no_site() -> None:
 def problem_at_vc_d() -> tuple[Problem, np.ndarray]:
     """Return three clean shots at VC-D as a diagnosis judges them, and the vector of the base fit."""
     motions = shots_at("VC-D", 31)
-    shakings = frame_motions_of(motions, "paper", None)
-    site = site_under(motions, shakings, CRITERIA.site_nm)
-    fit = fit_shots(motions, shakings=shakings)
+    vibrations = frame_motions_of(motions, "paper", None)
+    site = site_under(motions, vibrations, CRITERIA.site_nm)
+    fit = fit_shots(motions, vibrations=vibrations)
     begin = start_from_fit(fit, motions)
     data = joint_data(averaged_shots(motions), begin, site)
     problem = Problem(data, (), data.white_noise)
@@ -212,7 +214,7 @@ def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
     swing = {"displacement_m": 3e-7, "velocity_m_per_s": -4e-4}
     still = replace(data, shots=with_plates(data.shots, [(0.0, 0.0)] * 3))
     moving = replace(data, shots=with_plates(data.shots, [tuple(swing.values())] * 3))
-    as_known, as_effect = Point(base, own, ({},) * 3), Point(base, own, ({named("plate_motion"): swing},) * 3)
+    as_known, as_effect = Point(base, own, ({},) * 3), Point(base, own, ({effect_named("plate_motion"): swing},) * 3)
     noise = data.white_noise
     known, effect = Problem(moving, (), noise), Problem(still, (KINDS["plate_motion"],), noise)
     np.testing.assert_allclose(known.averaged(0, as_known), effect.averaged(0, as_effect), atol=1e-15)
@@ -224,7 +226,7 @@ def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
 def test_a_joint_fit_in_a_building_is_not_drawn_to_other_bounces(site: str, seed: int) -> None:
     """A swaying frame lets a first guess pass whose bounces are not the shots': from there no step leads back."""
     motions = shots_at(site, seed)
-    fit = fit_shots(motions, shakings=frame_motions_of(motions, "paper", None))
+    fit = fit_shots(motions, vibrations=frame_motions_of(motions, "paper", None))
     assert fit.reduced_chi2 < 1.2
 
 
@@ -277,7 +279,7 @@ def test_a_frame_that_nothing_feels_takes_nothing(share: float, capfd: pytest.Ca
     motions = Rig("VC-A").shots(40, (0.265,))
     site = site_under(motions, frame_motions_of(motions, "paper", None), CRITERIA.site_nm)
     assert site is not None
-    still = replace(site, shaking=replace(site.shaking, power_m2=site.shaking.power_m2 * share**2))
+    still = replace(site, vibration=replace(site.vibration, power_m2=site.vibration.power_m2 * share**2))
     (shot,) = averaged_shots(motions)
     base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = frame_response_of(shot, still, base, shared, np.array(shot.course.own))
@@ -297,7 +299,7 @@ def test_a_fit_with_an_effect_takes_the_plate_to_stand_where_it_does_with_the_ef
     recording, _ = record_shot(rig, 4, 0.404, 10e6, 0.15)
     motion = analyse(recording, AnalysisSettings(fit=False)).motion
     assert motion is not None
-    shot = fit_shots([motion], effects=["quadratic_drag"], shakings=[read_frame_motion(motion)]).shots[0]
+    shot = fit_shots([motion], effects=["quadratic_drag"], vibrations=[read_frame_motion(motion)]).shots[0]
     assert shot.sway_std_m is not None
     near = np.abs(motion.time_s - shot.touch_time_s.value) < 1e-3
     off = shot.residual_m[near] / shot.sway_std_m[near]

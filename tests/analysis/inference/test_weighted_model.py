@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.collision import ARGUMENTS, FORMS, Effect, Infeasible
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.inference.fit import weighted_model
 from analysis.inference.fit.free_parameters import TrialEffect, trial_effect
 from analysis.inference.fit.problem import Fitted
@@ -74,7 +74,7 @@ def test_the_last_few_results_are_kept_and_no_other(best: Fitted, monkeypatch: p
 
 
 def test_a_law_acts_besides_and_what_swings_too_fast_is_refused(best: Fitted) -> None:
-    problem, z, row = replace(best.problem), best.z, named("viscous_drag")
+    problem, z, row = replace(best.problem), best.z, effect_named("viscous_drag")
     drag = replace(row, name="law", parameters=(replace(row.parameters[0], fixed=True),))  # of its natural size
     plain, slowed = problem.displacement(z), problem.displacement(z, [drag])
     with_law = problem.derivatives(z, [drag])
@@ -90,7 +90,7 @@ def test_a_law_acts_besides_and_what_swings_too_fast_is_refused(best: Fitted) ->
 
 
 def test_a_law_that_moves_something_faster_than_the_averaged_samples_show_is_refused(best: Fitted) -> None:
-    problem, row = replace(best.problem), named("viscous_drag")
+    problem, row = replace(best.problem), effect_named("viscous_drag")
     shown = np.pi / problem.data.shots[0].spacing_s
 
     def law(rate: float) -> Effect:

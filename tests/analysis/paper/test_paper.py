@@ -21,7 +21,7 @@ from analysis.paper.paper_simulation import (
     half_sine_time_s,
     simulate,
 )
-from analysis.shot.quantity import NotSeen, Quantity, words_and_unit
+from analysis.shot.quantity import NotSeen, Quantity, split_unit
 from tests.analysis.shots import shot_of
 
 
@@ -339,6 +339,6 @@ def test_an_input_has_the_unit_that_its_name_ends_in(table: Reproduction) -> Non
     rows = {row.key.removeprefix("input."): row for row in table.rows if row.section == "input"}
     assert len(rows) == 11 and len({row.what for row in rows.values()}) == 11
     for name, row in rows.items():
-        unit = "kg/m³" if name == "density_kg_m3" else words_and_unit(name)[1]
+        unit = "kg/m³" if name == "density_kg_m3" else split_unit(name)[1]
         assert row.unit.replace("m3", "m³") == unit and row.what and row.unit not in row.what.split(), name
         assert (row.where == "rig") == (name.split("_")[0] in ("arm", "disc", "density")), name

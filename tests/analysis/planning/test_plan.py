@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.collision import Infeasible
-from analysis.collision.effects import effects_named, named
+from analysis.collision.effects import effect_named, effects_named
 from analysis.diagnosis.result import FoundEffect
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning import distances as planned
@@ -51,13 +51,13 @@ def test_friction_and_drift_are_separated_as_predicted(friction):
     samples = open_class.members[0].fitted.problem.data.shots
     (shot,) = wanted.shots
     motions = motions_of(with_shots(truth, wanted.shots, contact_s(shot, samples)))
-    found = FoundEffect(named("coulomb_friction"), {}, {})
+    found = FoundEffect(effect_named("coulomb_friction"), {}, {})
     said = SimpleNamespace(effects=(found,), fit_after=fit_shots(motions, effects=NAMES[:1]))
     standing = plan_next(motions, said, (PlannedStep(shot, wanted.members, wanted.after_first),))
     (step,) = standing.steps
-    assert standing.plan is None and standing.settled and step.leader == named("coulomb_friction")
+    assert standing.plan is None and standing.settled and step.leader == effect_named("coulomb_friction")
     # The force itself is known to a tenth or so beforehand, and what is reached scatters by one.
-    assert step.expected_separation == wanted.expected[named("coulomb_friction")]
+    assert step.expected_separation == wanted.expected[effect_named("coulomb_friction")]
     assert step.reached == pytest.approx(step.expected_separation, rel=0.25, abs=3.0)
     assert json.loads(json.dumps(step.to_json()))["reached_separation"] == step.reached
 
@@ -133,7 +133,7 @@ def test_a_swinging_plate_is_predicted_to_swing_as_in_one_of_the_shots():
     fitted = refit_diagnosed(fit_shots(motions_of(truth), effects=("plate_motion",)), motions_of(truth), calm)
     shot = next_shots(fitted.problem.data.shots, REACH)[0]
     problem, z = predictions.with_shots(fitted, [blank_shot(shot, fitted)])
-    *starts, added = [values[named("plate_motion")] for values in problem.unpack(z).values]
+    *starts, added = [values[effect_named("plate_motion")] for values in problem.unpack(z).values]
     assert any(added == pytest.approx(one) for one in starts)
 
 
@@ -154,7 +154,9 @@ def test_an_inseparable_pair_is_separated_from_a_third_as_one():
     truth = rig({"plate_damping": {"coefficient_n_s_per_m": 2e-5}})
     open_class, _, _ = _stood(truth, ("plate_damping", "viscoelastic_arm", "second_plate_mode"))
     wanted = plan(open_class, Reach(speeds_m_per_s=(0.6,), added_kg=(0.0,)), most=1)
-    assert wanted.settles and wanted.inseparable_from[named("plate_damping")] == (named("viscoelastic_arm"),)
+    assert wanted.settles and wanted.inseparable_from[effect_named("plate_damping")] == (
+        effect_named("viscoelastic_arm"),
+    )
     assert "plate damping and viscoelastic arm stay one" in wanted.words
     assert json.loads(json.dumps(wanted.to_json()))["one_with"]["viscoelastic_arm"] == ["plate_damping"]
 

@@ -23,7 +23,7 @@ from analysis.planning.next_shot import Reach, contact_s, next_shots
 from analysis.planning.precision import plan_precision
 from analysis.planning.predictions import blank_shot, predict
 from analysis.shot import plate_count
-from analysis.shot.plates_of_set import plate_numbers, plates_words
+from analysis.shot.plates_of_set import describe_plates, plate_numbers
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
 from instrument.bench.mechanics import Bodies
@@ -146,8 +146,8 @@ def test_shots_of_nearly_equal_stated_plates_share_a_plate():
     silent, impossible = replace(one, plate=None), replace(one, plate=replace(THIN, arm_width_m=0.1))
     set_ = (silent, one, again_measured, impossible, other, silent, one)
     assert plate_numbers(set_) == (0, 0, 0, 0, 1, 1, 0)
-    assert plates_words(set_) == "shots 1-4 on plate 1, 5-6 on plate 2, 7 on plate 1"
-    assert plates_words((one, silent)) == plates_words(()) == ""
+    assert describe_plates(set_) == "shots 1-4 on plate 1, 5-6 on plate 2, 7 on plate 1"
+    assert describe_plates((one, silent)) == describe_plates(()) == ""
 
 
 def test_a_model_of_two_plates_predicts_each_shot_on_its_own(five):

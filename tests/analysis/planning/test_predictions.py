@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.collision import Infeasible
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.inference.fit.problem import Fitted
 from analysis.planning import predictions
 from analysis.planning.next_shot import NextShot, contact_s
@@ -130,7 +130,7 @@ def test_a_motion_that_is_not_finite_is_refused(fitted: Fitted, monkeypatch: pyt
 
 
 def test_the_values_of_a_typical_shot_are_all_of_the_one_of_median_size() -> None:
-    effect = named("plate_motion")
+    effect = effect_named("plate_motion")
     kind = SimpleNamespace(effect=effect, own=[SimpleNamespace(name="velocity_m_per_s")])
     sizes = [(-9.0, 1.0), (2.0, 7.0), (-3.0, 5.0), (1.0, 2.0), (4.0, 3.0)]
     values = tuple({effect: {"velocity_m_per_s": v, "displacement_m": y}} for v, y in sizes)

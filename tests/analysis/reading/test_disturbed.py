@@ -126,9 +126,9 @@ def test_what_shook_is_the_same_without_reading_all(lines: tuple[Line, ...]) -> 
     motion = disturbed_motion(RIG, Disturbance(lines=lines))
     disturbance = read_impact(motion).disturbance
     assert disturbance is not None
-    shaking = read_frame_motion(motion)
-    assert (shaking is None) == (disturbance.shaking is None) == (not lines)
-    assert repr(shaking) == repr(disturbance.shaking)
+    vibration = read_frame_motion(motion)
+    assert (vibration is None) == (disturbance.vibration is None) == (not lines)
+    assert repr(vibration) == repr(disturbance.vibration)
 
 
 def test_a_quiet_table_is_not_called_a_shaking_one() -> None:

@@ -78,9 +78,9 @@ def test_how_far_a_floor_moves_is_the_sum_over_its_sines() -> None:
         assert FLOOR.difference_std_m(7e-3, order) == pytest.approx(moved(np.array(weights), at), rel=1e-9)
     assert FLOOR.difference_std_m(7e-3) == FLOOR.difference_std_m(7e-3, 1)
     assert FLOOR.rms_m == pytest.approx(np.sqrt(POWER[OCTAVES.frequency_hz > 2 * OCTAVES.centre_hz[0]].sum()))
-    shaking = FLOOR.shaking
-    assert shaking.power_m2 == pytest.approx(POWER) and np.array_equal(shaking.frequency_hz, OCTAVES.frequency_hz)
-    assert shaking.random.all()
+    vibration = FLOOR.vibration
+    assert vibration.power_m2 == pytest.approx(POWER) and np.array_equal(vibration.frequency_hz, OCTAVES.frequency_hz)
+    assert vibration.random.all()
 
 
 @pytest.mark.parametrize("degree", [1, 2])

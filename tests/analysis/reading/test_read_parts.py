@@ -264,7 +264,7 @@ def test_a_contact_time_is_as_unsure_as_both_its_ends_and_a_turn_as_a_sample() -
     assert lasts.value == pytest.approx(release.value - touch.value, rel=1e-12)
     assert lasts.std == pytest.approx(np.hypot(touch.std, release.std), rel=1e-9)
     assert turn.std == pytest.approx(1e-5 / np.sqrt(12.0), rel=1e-9)
-    assert impact.disturbance is not None and impact.disturbance.shaking is None
+    assert impact.disturbance is not None and impact.disturbance.vibration is None
     whole = len(impact.bounce_onsets_s), len(impact.bounce_peaks_s), len(impact.bounce_releases_s)
     assert whole == (3, 3, 2)
     with pytest.raises(NoImpact):

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from analysis.shot.consistency import CONCERNS, concerning, fit_flags, reading_flags
+from analysis.shot.consistency import NUMBERS_AFFECTED, fit_flags, flags_affecting, reading_flags
 from analysis.shot.fit import ShotFit
 from analysis.shot.quantity import NotSeen, Quantity, Reading
 from app.words.flags import FLAG_WORDS
@@ -92,6 +92,6 @@ def test_a_plate_that_moved_before_it_was_touched_is_told_of_a_fit_that_had_it_a
 
 
 def test_a_flag_is_shown_at_the_numbers_that_it_concerns_and_has_words() -> None:
-    assert concerning("force_peak_n", ("wander", "momentum_disagrees", "knock")) == ("momentum_disagrees", "knock")
-    assert concerning("plate_mass_kg", ("momentum_disagrees",)) == ()
-    assert set(CONCERNS) <= set(FLAG_WORDS)
+    assert flags_affecting("force_peak_n", ("wander", "momentum_disagrees", "knock")) == ("momentum_disagrees", "knock")
+    assert flags_affecting("plate_mass_kg", ("momentum_disagrees",)) == ()
+    assert set(NUMBERS_AFFECTED) <= set(FLAG_WORDS)

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from analysis.shot.fit import Fit, names_on_plate, plates_named
+from analysis.shot.fit import Fit, count_plates, names_on_plate
 from analysis.shot.quantity import Quantity
 
 NAMES = ("plate_stiffness_n_per_m", "plate_2_stiffness_n_per_m", "contact_damping_n_s_per_m", "plate_2_mass_kg",
@@ -22,8 +22,8 @@ def fit_of(names: tuple[str, ...]) -> Fit:
 
 
 def test_further_plates_are_told_by_their_numbers() -> None:
-    assert plates_named(NAMES) == 3
-    assert plates_named(NAMES[:1]) == 1 == plates_named(()) and plates_named(NAMES[:4]) == 2
+    assert count_plates(NAMES) == 3
+    assert count_plates(NAMES[:1]) == 1 == count_plates(()) and count_plates(NAMES[:4]) == 2
     plain = {"plate_stiffness_n_per_m": "plate_stiffness_n_per_m", "contact_damping_n_s_per_m": NAMES[2]}
     assert names_on_plate(NAMES, 0) == plain
     assert names_on_plate(NAMES, 1) == plain | {"plate_stiffness_n_per_m": NAMES[1], "plate_mass_kg": NAMES[3]}

@@ -3,25 +3,25 @@
 import numpy as np
 import pytest
 
-from analysis.shot.impact import Shaking, VibrationLine
+from analysis.shot.impact import VibrationLine, VibrationSpectrum
 from analysis.shot.quantity import Quantity
 
 
 def test_beyond_its_last_sine_a_spectrum_falls_with_the_fourth_power_from_where_it_ends() -> None:
     """Up to its last frequency a flat spectrum is flat: the fall begins there and not before."""
     frequency_hz = np.array([10.0, 20.0, 30.0, 40.0])
-    flat = Shaking(frequency_hz, np.full(4, 10.0 * 3e-18), np.ones(4, dtype=np.bool_))
+    flat = VibrationSpectrum(frequency_hz, np.full(4, 10.0 * 3e-18), np.ones(4, dtype=np.bool_))
     asked = np.array([10.0, 25.0, 40.0, 80.0, 400.0])
     found = flat.densities_m2_per_hz(asked) / 3e-18
     assert found == pytest.approx(np.array([1.0, 1.0, 1.0, 1.0 / 16.0, 1e-4]), rel=1e-9)
 
 
-def _floor(frequency_hz: list[float], density: float, lines: int = 0) -> Shaking:
+def _floor(frequency_hz: list[float], density: float, lines: int = 0) -> VibrationSpectrum:
     """Return a floor of even density, with so many lines of 1 pm^2 at 12, 22, ... Hz."""
     known = np.array(frequency_hz)
-    plain = Shaking(known, density * np.gradient(known), np.ones(known.size, dtype=np.bool_))
+    plain = VibrationSpectrum(known, density * np.gradient(known), np.ones(known.size, dtype=np.bool_))
     other = np.array([12.0 + 10 * n for n in range(lines)])
-    return plain._with(Shaking(other, np.full(lines, 1e-24), np.zeros(lines, dtype=np.bool_)))
+    return plain._with(VibrationSpectrum(other, np.full(lines, 1e-24), np.zeros(lines, dtype=np.bool_)))
 
 
 def test_power_is_density_times_width_and_lines_are_no_density() -> None:
@@ -32,17 +32,17 @@ def test_power_is_density_times_width_and_lines_are_no_density() -> None:
     assert found == pytest.approx([1.0, 1.0, 1.0, 1 / 16])
     assert floor.density_m2_per_hz(15.0) / 3e-18 == pytest.approx(1.0)
     assert floor.rms_m * 1e9 == pytest.approx(np.sqrt(1e18 * floor.power_m2.sum()))
-    one = Shaking(np.array([5.0]), np.array([1e-18]), np.ones(1, dtype=np.bool_))
+    one = VibrationSpectrum(np.array([5.0]), np.array([1e-18]), np.ones(1, dtype=np.bool_))
     assert one.density_m2_per_hz(5.0) == 0.0  # of one sine no density is known
 
 
-@pytest.mark.parametrize("apart_hz", [100.0, 4.0, 0.7])
-def test_closer_sines_have_the_same_density_and_the_same_lines(apart_hz: float) -> None:
+@pytest.mark.parametrize("spacing_hz", [100.0, 4.0, 0.7])
+def test_closer_sines_have_the_same_density_and_the_same_lines(spacing_hz: float) -> None:
     floor = _floor([10.0, 11.0, 15.0, 30.0], 3e-18, lines=2)
-    finer = floor.closer(apart_hz)
+    finer = floor.with_spacing(spacing_hz)
     known = finer.frequency_hz[finer.random]
-    assert np.diff(known).max() <= max(apart_hz, 0.0) * (1 + 1e-12) or finer is floor
-    assert (finer is floor) == (apart_hz == 100.0)
+    assert np.diff(known).max() <= max(spacing_hz, 0.0) * (1 + 1e-12) or finer is floor
+    assert (finer is floor) == (spacing_hz == 100.0)
     assert {10.0, 11.0, 15.0, 30.0} <= set(known.tolist())
     found = finer.densities_m2_per_hz(np.linspace(10.0, 30.0, 50)) / 3e-18
     assert found == pytest.approx(np.ones(50), rel=1e-9)
@@ -52,7 +52,7 @@ def test_closer_sines_have_the_same_density_and_the_same_lines(apart_hz: float) 
 
 def test_noise_is_taken_off_the_random_part_alone_and_leaves_nothing_below_zero() -> None:
     floor = _floor([10.0, 20.0, 30.0], 3e-18, lines=1)
-    less = floor.less(lambda hz: np.where(hz < 25.0, 1e-18, 9e-18))
+    less = floor.without_noise(lambda hz: np.where(hz < 25.0, 1e-18, 9e-18))
     assert less.densities_m2_per_hz(np.array([10.0, 20.0, 30.0])) / 1e-18 == pytest.approx([2.0, 2.0, 0.0])
     assert less.power_m2[~less.random].tolist() == [1e-24] and less.power_m2.min() == 0.0
     slow = floor.below(20.0)

@@ -9,8 +9,8 @@ import pytest
 from analysis.shot.impact import Disturbance, KineticCor
 from analysis.shot.motion import ARRAYS, Motion
 from analysis.shot.plate import PlateTolerance
-from analysis.shot.plates_of_set import weights_words
-from analysis.shot.quantity import NotSeen, Quantity, shown_in
+from analysis.shot.plates_of_set import describe_weights
+from analysis.shot.quantity import NotSeen, Quantity, display_unit
 from analysis.shot.recording import DEFAULT_WAVELENGTH_AIR_M, Setup
 
 
@@ -35,7 +35,7 @@ def test_what_was_not_read_is_said_so_and_nothing_disturbs_by_itself() -> None:
     kinetic = KineticCor()
     assert {getattr(kinetic, field.name) for field in fields(KineticCor)} == {NotSeen("not read")}
     calm = Disturbance((), 1e-9, 2e-6)
-    assert (calm.knocks_s, dict(calm.shares), calm.shaking) == ((), {}, None)
+    assert (calm.knocks_s, dict(calm.shares), calm.vibration) == ((), {}, None)
 
 
 def test_a_plate_is_measured_by_calliper_and_micrometer_where_nothing_is_said() -> None:
@@ -61,7 +61,7 @@ def test_a_plate_is_measured_by_calliper_and_micrometer_where_nothing_is_said() 
     ],
 )
 def test_a_unit_is_shown_by_a_factor_and_a_name(unit: str, shown: tuple[float, str]) -> None:
-    assert shown_in(unit) == shown
+    assert display_unit(unit) == shown
 
 
 @pytest.mark.parametrize(
@@ -75,12 +75,12 @@ def test_a_unit_is_shown_by_a_factor_and_a_name(unit: str, shown: tuple[float, s
 def test_in_a_sentence_a_number_has_a_power_of_ten_below_a_hundredth_and_from_a_hundred_thousand(
     value: float, shown: str
 ) -> None:
-    assert Quantity(value, 1e-4).in_a_sentence() == shown
+    assert Quantity(value, 1e-4).in_text() == shown
     assert Quantity(2.0, 0.5, "how").scaled(-3.0) == Quantity(-6.0, 1.5, "how")
 
 
 @pytest.mark.parametrize(("apart_kg", "told"), [(0.9e-6, False), (1.1e-6, True)])
 def test_weights_that_differ_by_less_than_a_milligram_are_one(apart_kg: float, told: bool) -> None:
-    words = weights_words([0.018, 0.018 + apart_kg])
+    words = describe_weights([0.018, 0.018 + apart_kg])
     assert words == ("shots 1 as found, 2 with 0.00 g added" if told else "")
-    assert weights_words([0.068, 0.018, 0.018 + 0.9e-6]) == "shots 1 with 50.00 g added, 2-3 as found"
+    assert describe_weights([0.068, 0.018, 0.018 + 0.9e-6]) == "shots 1 with 50.00 g added, 2-3 as found"

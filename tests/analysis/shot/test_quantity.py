@@ -5,7 +5,7 @@ import math
 import pytest
 
 from analysis.collision.effects import CATALOGUE
-from analysis.shot.quantity import NotSeen, Quantity, power_of_time, to_json, words_and_unit
+from analysis.shot.quantity import NotSeen, Quantity, power_of_time, split_unit, to_json
 
 
 @pytest.mark.parametrize(
@@ -47,13 +47,13 @@ def test_json_holds_no_infinity() -> None:
     ],
 )
 def test_a_name_gives_words_and_unit(name: str, words: str, unit: str) -> None:
-    assert words_and_unit(name) == (words, unit)
+    assert split_unit(name) == (words, unit)
 
 
 def test_rows_and_names_agree() -> None:
     for effect in CATALOGUE.values():
         for parameter in effect.parameters:
-            assert words_and_unit(parameter.name)[1] == parameter.unit, f"{effect.name}.{parameter.name}"
+            assert split_unit(parameter.name)[1] == parameter.unit, f"{effect.name}.{parameter.name}"
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from analysis.pipeline import analyse
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Recording, Role
 from analysis.shot.sample_rate_error import (
-    DELIVERED,
+    DELIVERED_KEY,
     RATE_CONTRADICTED,
     fit_with_rate_error,
     rate_error,
@@ -84,7 +84,7 @@ def test_a_rate_wrong_by_a_percent_is_part_of_the_uncertainties() -> None:
 def test_the_clock_contradicts_as_pd0_does(rate: float) -> None:
     recording = stating(None, rate=rate)
     truth_hz = recording.sample_rate_hz / rate
-    check(analyse(replace(recording, extra={"global": {DELIVERED: truth_hz}}), AnalysisSettings(fit=False)))
+    check(analyse(replace(recording, extra={"global": {DELIVERED_KEY: truth_hz}}), AnalysisSettings(fit=False)))
 
 
 def test_without_pd0_a_wrong_rate_adds_to_every_velocity() -> None:
@@ -93,7 +93,7 @@ def test_without_pd0_a_wrong_rate_adds_to_every_velocity() -> None:
     counts = recording.counts[:, columns].copy()
     counts.flags.writeable = False
     alone = replace(recording, counts=counts, channels=tuple(recording.channels[k] for k in columns))
-    alone = replace(alone, extra={"global": {DELIVERED: recording.sample_rate_hz / 1.002}})
+    alone = replace(alone, extra={"global": {DELIVERED_KEY: recording.sample_rate_hz / 1.002}})
     impact = analyse(alone, AnalysisSettings(fit=False)).impact
     right = analyse(stating(REST_HZ), AnalysisSettings(fit=False)).impact
     assert impact is not None and right is not None
@@ -154,7 +154,7 @@ def test_pd0_contradicts_beyond_twice_the_joint_uncertainty(
 def test_the_clock_is_a_number_or_says_nothing_and_the_larger_error_counts(delivered: object, error: float) -> None:
     recording = stating(REST_HZ)
     told = delivered * recording.sample_rate_hz if isinstance(delivered, float) else delivered
-    recording = replace(recording, extra={"global": {DELIVERED: told}})
+    recording = replace(recording, extra={"global": {DELIVERED_KEY: told}})
     assert rate_error(recording, None) == pytest.approx(error)
     assert rate_error(recording, Quantity(1.02 * REST_HZ, 0.0)) == pytest.approx(max(error, 0.02))
     assert rate_error(replace(recording, extra={"global": [1]}), None) == 0.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.shot.recording import MOST_GAPS, NAMES, Air, Channel, Gap, Recording, Role, Setup, corrected
+from analysis.shot.recording import MOST_GAPS, SETUP_KEYS, Air, Channel, Gap, Recording, Role, Setup, corrected_setup
 
 COUNTS = np.zeros((1000, 3), np.int16)
 CHANNELS = (Channel(Role.SWITCH, 1e-3), Channel(Role.MEASUREMENT, 1e-4), Channel(Role.REFERENCE, 1e-4))
@@ -44,14 +44,14 @@ def test_of_more_than_three_hundred_gaps_no_length_is_known(count: int) -> None:
 
 def test_a_rigs_values_are_corrected_one_by_one_and_the_air_as_a_whole() -> None:
     setup = Setup(0.018, 1e-6, 633e-9, 632.8e-9, Air(20.0, 1e5, 50.0), 2.7e6, extra={"x": 1})
-    assert corrected(setup, {}) == setup
-    assert corrected(setup, {"moving_mass_kg": 0.02, "wavelength_air_m": None}) == replace(
+    assert corrected_setup(setup, {}) == setup
+    assert corrected_setup(setup, {"moving_mass_kg": 0.02, "wavelength_air_m": None}) == replace(
         setup, moving_mass_kg=0.02, wavelength_air_m=None
     )
     air = {"temperature_c": 21.0, "pressure_pa": 1.01e5, "humidity_percent": 40.0}
-    assert corrected(setup, air).air == Air(21.0, 1.01e5, 40.0)
-    assert corrected(setup, air | {"humidity_percent": None}).air is None
-    assert corrected(setup, {"temperature_c": 21.0}).air == setup.air  # a part of it is none
-    assert {"temperature_c", "rest_frequency_hz"} < set(NAMES)
+    assert corrected_setup(setup, air).air == Air(21.0, 1.01e5, 40.0)
+    assert corrected_setup(setup, air | {"humidity_percent": None}).air is None
+    assert corrected_setup(setup, {"temperature_c": 21.0}).air == setup.air  # a part of it is none
+    assert {"temperature_c", "rest_frequency_hz"} < set(SETUP_KEYS)
     with pytest.raises(KeyError, match="colour"):
-        corrected(setup, {"moving_mass_kg": 0.02, "colour": 1.0})
+        corrected_setup(setup, {"moving_mass_kg": 0.02, "colour": 1.0})

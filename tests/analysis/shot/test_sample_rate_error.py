@@ -12,9 +12,9 @@ from analysis.shot.motion import BeatQuality
 from analysis.shot.quantity import NotSeen, Quantity, power_of_time
 from analysis.shot.recording import Channel, Recording, Role, Setup
 from analysis.shot.sample_rate_error import (
-    DELIVERED,
-    _by_clock,
-    _by_rest,
+    DELIVERED_KEY,
+    _error_by_clock,
+    _error_by_pd0,
     fit_with_rate_error,
     rate_error,
     velocity_offset_m_per_s,
@@ -34,7 +34,7 @@ RECORDING = Recording("r", np.zeros((10, 1), np.int16), 1e7, (Channel(Role.MEASU
 
 def by_rest(stated: float | None, u_hz: float | None, measured: Quantity | None) -> float:
     setup = replace(RECORDING.setup, rest_frequency_hz=stated, rest_frequency_u_hz=u_hz)
-    return _by_rest(replace(RECORDING, setup=setup), measured)
+    return _error_by_pd0(replace(RECORDING, setup=setup), measured)
 
 
 def test_pd0_contradicts_beyond_twice_both_uncertainties_or_half_a_thousandth() -> None:
@@ -51,9 +51,9 @@ def test_pd0_contradicts_beyond_twice_both_uncertainties_or_half_a_thousandth() 
     [(1.01e7, 0.01), (9.9e6, 0.01), (5e7, 1.0), (None, 0.0), (True, 0.0), ("x", 0.0), (math.nan, 1.0), (10**400, 1.0)],
 )
 def test_the_computers_clock_contradicts_by_what_it_says_of_the_rate(delivered: object, error: float) -> None:
-    recording = replace(RECORDING, extra={"global": {DELIVERED: delivered}})
-    assert _by_clock(recording) == pytest.approx(error)
-    assert _by_clock(replace(RECORDING, extra={"global": 3})) == _by_clock(RECORDING) == 0.0
+    recording = replace(RECORDING, extra={"global": {DELIVERED_KEY: delivered}})
+    assert _error_by_clock(recording) == pytest.approx(error)
+    assert _error_by_clock(replace(RECORDING, extra={"global": 3})) == _error_by_clock(RECORDING) == 0.0
     setup = replace(RECORDING.setup, rest_frequency_hz=2.7e6)
     both = rate_error(replace(recording, setup=setup), Quantity(2.7e6 * 1.02, 0.0))
     assert both == pytest.approx(max(error, 0.02))

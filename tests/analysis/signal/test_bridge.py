@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from analysis.signal.bridge import Bridge, joined
+from analysis.signal.bridge import Bridge, join_stretches
 
 SLOPE, BEND = 0.137, 2e-5  # cycles a phase: several fringes over a hole
 
@@ -93,23 +93,23 @@ def test_stretches_behind_a_long_gap_are_joined_by_whole_fringes(shift: float) -
     cut = true.copy()
     cut[300:330] = np.nan
     cut[330:] += shift * fringe
-    out, unsure = joined(cut, (330,), fringe)
+    out, unsure = join_stretches(cut, (330,), fringe)
     known = np.isfinite(cut)
     left = shift - round(shift)
     assert out[:300] == pytest.approx(true[:300], abs=1e-15)
     assert out[known][300:] - true[known][300:] == pytest.approx(left * fringe, abs=1e-3 * fringe)
     assert not unsure
-    assert np.isnan(out[300:330]).all() and joined(true, (), fringe)[1] is False
+    assert np.isnan(out[300:330]).all() and join_stretches(true, (), fringe)[1] is False
 
 
 def test_a_gap_in_which_the_force_changed_leaves_the_position_unsure() -> None:
     fringe, n = 316.4e-9, np.arange(600.0)
     bent = 4e-7 * n + np.where(n > 275, 2e-9 * (n - 275) ** 2, 0.0)  # pushed from shortly before the gap on
     bent[300:330] = np.nan
-    assert joined(bent, (330,), fringe)[1]
+    assert join_stretches(bent, (330,), fringe)[1]
     short = bent.copy()
     short[:290] = np.nan
-    out, unsure = joined(short, (330,), fringe)  # too little before it to tell anything
+    out, unsure = join_stretches(short, (330,), fringe)  # too little before it to tell anything
     assert np.array_equal(out, short, equal_nan=True) and not unsure
 
 
@@ -123,7 +123,7 @@ def test_a_join_is_unsure_where_half_as_many_samples_say_a_fifth_of_a_fringe_els
     before, middle = np.arange(152, 200) - 204.5, 204.5
     moved = -np.polyval(np.polyfit(before, bump[152:200], 2), 0.0)
     assert middle > 200
-    out, told = joined(4e-7 * n + bump * apart * fringe / abs(moved), (210,), fringe)
+    out, told = join_stretches(4e-7 * n + bump * apart * fringe / abs(moved), (210,), fringe)
     assert told is unsure
     assert np.isfinite(out[210:]).all()
 
@@ -134,7 +134,7 @@ def test_a_join_that_misses_two_fifths_of_a_fringe_is_unsure(left: float, unsure
     for sign in (1.0, -1.0):
         cut = 4e-7 * n + np.where(n >= 210, (3.0 + sign * left) * fringe, 0.0)
         cut[200:210] = np.nan
-        assert joined(cut, (210,), fringe)[1] is unsure
+        assert join_stretches(cut, (210,), fringe)[1] is unsure
 
 
 @pytest.mark.parametrize("known", [11, 12])
@@ -144,7 +144,7 @@ def test_twelve_samples_on_either_side_are_enough_to_join(known: int) -> None:
         cut = 4e-7 * n + np.where(n >= 210, 3.0 * fringe, 0.0)
         cut[200:210] = np.nan
         cut[side] = np.nan
-        out, _ = joined(cut, (210,), fringe)
+        out, _ = join_stretches(cut, (210,), fringe)
         assert out[210] == pytest.approx(4e-7 * 210 + (3.0 * fringe if known < 12 else 0.0), abs=1e-12)
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.signal.cross_talk import CrossTalk, find_cross_talk, swapped_hz, without_cross_talk
-from analysis.signal.rest import RestTones, jump_of
+from analysis.signal.cross_talk import CrossTalk, find_cross_talk, swapped_cables_span_hz, without_cross_talk
+from analysis.signal.rest import LossResiduals, phase_jump
 from analysis.signal.survey import Survey, survey
 
 RATE_HZ, SAMPLES = 10e6, 400_000
@@ -34,7 +34,7 @@ def _surveyed(low_hz: float, high_hz: float) -> Survey:
     ],
 )
 def test_cables_are_swapped_where_only_pd0_moves(measurement_hz: float, reference_hz: float, swapped: bool) -> None:
-    moved = swapped_hz(_surveyed(1e6, 1e6 + measurement_hz), _surveyed(2e6, 2e6 + reference_hz))
+    moved = swapped_cables_span_hz(_surveyed(1e6, 1e6 + measurement_hz), _surveyed(2e6, 2e6 + reference_hz))
     assert (moved is not None) == swapped
     if moved is not None:
         assert moved == pytest.approx(0.9 * reference_hz, rel=0.03)
@@ -140,14 +140,14 @@ def _lossy(first: int, apart: int, lost: int, again: int) -> NDArray[np.float64]
 @pytest.mark.parametrize(("apart", "lost", "again"), [(7, 3, 5), (20, 1, 6), (31, 9, 12)])
 def test_two_losses_are_told_by_their_places_and_the_size_of_the_first(apart: int, lost: int, again: int) -> None:
     first = NEAR - 12
-    tones = RestTones.of(_lossy(first, apart, lost, again), NEAR, GUARD, TURNS)
+    tones = LossResiduals.of(_lossy(first, apart, lost, again), NEAR, GUARD, TURNS)
     left, place, distance, count = tones.two_losses(TURNS)
     assert (count, distance) == (lost, apart) and place == first - (NEAR - GUARD)
-    assert left < tones.most
+    assert left < tones.limit
     whole = TURNS * (lost + again)
     assert tones.jump - whole == pytest.approx(round(tones.jump - whole), abs=6.0 * tones.sigma + 1e-3)
     assert tones.x.size == 2 * GUARD and tones.before.size == tones.after.size == 2 * GUARD + 1
-    assert tones.most == pytest.approx(2 * GUARD * (2.0 * 4.0 + 1.0), rel=0.15)
+    assert tones.limit == pytest.approx(2 * GUARD * (2.0 * 4.0 + 1.0), rel=0.15)
 
 
 def test_the_noise_of_a_jump_is_that_of_two_phases() -> None:
@@ -155,7 +155,7 @@ def test_the_noise_of_a_jump_is_that_of_two_phases() -> None:
     for seed in range(200):
         noise = np.random.default_rng(seed).normal(0.0, 25.0, LONG)
         x = 500.0 * np.cos(2 * np.pi * (TURNS * np.arange(LONG) + 0.2)) + noise
-        tones = RestTones.of(x, NEAR, GUARD, TURNS)
+        tones = LossResiduals.of(x, NEAR, GUARD, TURNS)
         jumps.append(tones.jump)
         sigmas.append(tones.sigma)
     assert np.std(jumps) == pytest.approx(np.mean(sigmas), rel=0.15) and abs(np.mean(jumps)) < 3 * np.mean(sigmas) / 14
@@ -165,5 +165,5 @@ def test_a_jump_is_the_later_phase_minus_the_earlier_one() -> None:
     def tone(cycles: float) -> NDArray[np.float64]:
         return np.array([2.0 * np.cos(2 * np.pi * cycles), -2.0 * np.sin(2 * np.pi * cycles), 9.0])
 
-    assert jump_of([tone(0.1), tone(0.35)]) == pytest.approx(0.25)
-    assert jump_of([tone(0.35), tone(0.1)]) == pytest.approx(-0.25)
+    assert phase_jump([tone(0.1), tone(0.35)]) == pytest.approx(0.25)
+    assert phase_jump([tone(0.35), tone(0.1)]) == pytest.approx(-0.25)

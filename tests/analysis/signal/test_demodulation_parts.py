@@ -246,7 +246,7 @@ def test_a_motion_is_made_of_both_phases_and_carries_what_the_recording_states()
 
 
 def test_a_path_that_walks_is_flagged_and_its_growth_is_the_motions(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(demodulation, "wander", lambda *of: 2e-8)
+    monkeypatch.setattr(demodulation, "random_walk_growth", lambda *of: 2e-8)
     motion = demodulate(_recorded(), AnalysisSettings())
     assert motion.displacement_wander_m_per_sqrt_s == 2e-8 and motion.flags == ("wander",)
 
@@ -278,14 +278,14 @@ def test_losses_are_looked_for_where_a_phase_jumps_and_only_once() -> None:
     found = (Gap(30_000, 3),)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(demodulation, "find_losses", lambda *of: calls.append(of[2]) or found)
-        patch.setattr(demodulation, "kinks", lambda track: [7] if track.doubtful else [])
-        patch.setattr(demodulation, "suspicious", lambda track: track.doubtful > 0)
+        patch.setattr(demodulation, "phase_jump_samples", lambda track: [7] if track.doubtful else [])
+        patch.setattr(demodulation, "has_phase_jumps", lambda track: track.doubtful > 0)
         grid = _grid(stored_sample=lambda at, tuning: 100 * at)
         calm, odd = _track(), _track(doubtful=1)
         assert _with_losses(PLAIN, grid, [calm, calm]) is None and calls == []
-        for tracks, kinked in (([odd, calm], [700]), ([calm, odd], [])):
+        for tracks, pd1_jumps in (([odd, calm], [700]), ([calm, odd], [])):
             mended = _with_losses(replace(PLAIN, gaps=(Gap(50_000, 1),), flags=("x",)), grid, tracks)
-            assert mended is not None and calls.pop() == kinked
+            assert mended is not None and calls.pop() == pd1_jumps
             assert (mended.gaps, mended.flags) == ((Gap(30_000, 3), Gap(50_000, 1)), ("x", "samples_lost"))
             assert _with_losses(mended, grid, tracks) is None
             assert _with_losses(PLAIN, grid, tracks[:1]) is None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.shot import AnalysisError
-from analysis.signal.noise import local_variance, noise_of_column, wander, white_noise
+from analysis.signal.noise import local_variance, noise_of_column, random_walk_growth, white_noise
 
 RATE_HZ, STD_M = 1e5, 1e-10
 SAMPLES = 6000
@@ -18,7 +18,7 @@ def _walk(w: float, seed: int) -> float:
     acceleration[2500:3300] = 1e6 * (-1.0) ** seed  # a push, or a pull
     path[2500:3300] += 1e-6 * np.sin(np.linspace(0.0, np.pi, 800))
     path -= 0.2 * np.arange(SAMPLES) / RATE_HZ
-    return wander(path, np.full(SAMPLES, STD_M), acceleration, np.full(SAMPLES, 1.0), RATE_HZ)
+    return random_walk_growth(path, np.full(SAMPLES, STD_M), acceleration, np.full(SAMPLES, 1.0), RATE_HZ)
 
 
 def test_white_noise_is_hardly_ever_taken_for_a_walk() -> None:
@@ -34,8 +34,8 @@ def test_a_walk_has_its_strength(w: float) -> None:
 
 def test_a_flight_too_short_to_tell_has_none() -> None:
     calm = np.zeros(1000)
-    assert wander(calm, np.full(1000, STD_M), calm, np.ones(1000), RATE_HZ) == 0.0
-    assert wander(calm[:50], np.full(50, STD_M), np.full(50, 1e9), np.ones(50), RATE_HZ) == 0.0
+    assert random_walk_growth(calm, np.full(1000, STD_M), calm, np.ones(1000), RATE_HZ) == 0.0
+    assert random_walk_growth(calm[:50], np.full(50, STD_M), np.full(50, 1e9), np.ones(50), RATE_HZ) == 0.0
 
 
 @pytest.mark.parametrize("std", [1e-3, 5.0])

@@ -99,7 +99,7 @@ def test_memory_does_not_grow() -> None:
     sizes = []
     for _ in range(6):
         _run(live, recording.counts, 50_000)
-        sizes.append(sum(line._phase.nbytes + line._reader._phase.nbytes for line in live._lines))
+        sizes.append(sum(line._phase.nbytes + line._reader._phase.nbytes for line in live._beats))
     assert max(sizes) < 1.05 * sizes[0]
 
 

@@ -21,8 +21,8 @@ from analysis.uncertainty.gum_budget import (
     budget,
     budget_result,
     budget_rows,
-    combined_of,
-    stated,
+    combined_uncertainties,
+    with_combined_uncertainty,
 )
 from analysis.uncertainty.measurement_equations import between_onsets, between_peaks, first_flights
 from tests.analysis.shots import ONSETS, PEAKS, RELEASES, at_speed, paper_impact, shot_of
@@ -292,14 +292,14 @@ def test_numbers_that_were_not_seen_or_are_none_do_not_repeat() -> None:
 
 def test_a_reading_is_stated_with_its_combined_uncertainty() -> None:
     shot = shot_of(setup=SETUP)
-    combined = combined_of(shot)
+    combined = combined_uncertainties(shot)
     assert combined == {table.key: table.std for table in budget(shot).quantities} and len(combined) >= 18
-    assert combined_of(replace(shot, impact=None)) == {}
+    assert combined_uncertainties(replace(shot, impact=None)) == {}
     reading = Quantity(3.0, 0.1, "how")
-    assert stated(reading, "a", {"a": 0.5}) == Quantity(3.0, 0.5, "how")
-    assert stated(reading, "a", {"b": 0.5}) is reading
+    assert with_combined_uncertainty(reading, "a", {"a": 0.5}) == Quantity(3.0, 0.5, "how")
+    assert with_combined_uncertainty(reading, "a", {"b": 0.5}) is reading
     unseen = NotSeen("x")
-    assert stated(unseen, "a", {"a": 0.5}) is unseen
+    assert with_combined_uncertainty(unseen, "a", {"a": 0.5}) is unseen
 
 
 def test_each_source_has_the_unit_of_its_own_kind() -> None:

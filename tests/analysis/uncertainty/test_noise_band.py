@@ -8,9 +8,9 @@ import pytest
 from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.pipeline import analyse_motion
-from analysis.shot.impact import Shaking
+from analysis.shot.impact import VibrationSpectrum
 from analysis.shot.shot import AnalysisSettings
-from analysis.uncertainty.motion_band import band_of, diagnosed_band, judged_band, noise_band
+from analysis.uncertainty.noise_band import diagnosis_band, noise_band_of_motion, noise_band_of_shot, verdict_band
 from app.report.exports import motion_columns
 from app.session.load import load_and_analyse
 from instrument.bench.simulated_shots import simulate
@@ -27,7 +27,7 @@ def shot(tmp_path_factory):
 
 def test_on_a_usual_floor_force_and_velocity_fill_their_bands(shot):
     motion, overlay = shot.motion, shot.fit.shots[0].overlay
-    band = band_of(shot)
+    band = noise_band_of_shot(shot)
     for left, std in (
         (motion.force_n - overlay.force_n, band.force_n),
         (motion.velocity_m_per_s - overlay.velocity_m_per_s, band.velocity_m_per_s),
@@ -47,7 +47,7 @@ def test_force_fills_its_band_where_the_path_wanders_beside_the_building(site):
     for motion in Rig(site).shots(6, (0.22, 0.3)):
         shot = analyse_motion(motion, AnalysisSettings(), name="rig")
         assert shot.fit.wander
-        band, overlay = band_of(shot), shot.fit.shots[0].overlay
+        band, overlay = noise_band_of_shot(shot), shot.fit.shots[0].overlay
         left = (motion.force_n - overlay.force_n) / band.force_n
         left = left[np.isfinite(left)]
         assert np.sqrt(np.mean(left**2)) == pytest.approx(1.0, abs=0.1)
@@ -60,7 +60,7 @@ def test_the_residual_of_a_slow_floor_stays_inside_its_band(tmp_path):
     (path,) = simulate(tmp_path, 1, 24, site=site_named("VC-D"))
     strayed = load_and_analyse(path)
     assert strayed.fit.on_frames
-    left, std = strayed.fit.shots[0].residual_m, band_of(strayed).displacement_m
+    left, std = strayed.fit.shots[0].residual_m, noise_band_of_shot(strayed).displacement_m
     seen = np.isfinite(left)
     inside = np.abs(left[seen]) < 2.0 * std[seen]
     assert inside.mean() > 0.95  # place and speed chosen freely leave 0.62 of them inside
@@ -71,8 +71,11 @@ def test_the_residual_of_a_slow_floor_stays_inside_its_band(tmp_path):
 
 def test_a_steady_line_is_in_the_band_with_its_own_velocity_and_force():
     motion = synthetic.shot().motion
-    line = Shaking(np.array([100.0]), np.array([(5e-9) ** 2]), np.array([False]))
-    quiet, shaken = noise_band(motion, Shaking(*(np.empty(0),) * 3)), noise_band(motion, line)
+    line = VibrationSpectrum(np.array([100.0]), np.array([(5e-9) ** 2]), np.array([False]))
+    quiet, shaken = (
+        noise_band_of_motion(motion, VibrationSpectrum(*(np.empty(0),) * 3)),
+        noise_band_of_motion(motion, line),
+    )
     for name, turns in (("displacement_m", 0), ("velocity_m_per_s", 1), ("force_n", 2)):
         more = np.sqrt(getattr(shaken, name) ** 2 - getattr(quiet, name) ** 2)
         mass = motion.moving_mass_kg if name == "force_n" else 1.0
@@ -81,7 +84,7 @@ def test_a_steady_line_is_in_the_band_with_its_own_velocity_and_force():
 
 def test_without_a_spectrum_of_the_path_the_band_is_the_motions_own():
     motion = synthetic.shot().motion
-    assert noise_band(motion, None).force_n is motion.force_std_n
+    assert noise_band_of_motion(motion, None).force_n is motion.force_std_n
 
 
 def test_a_path_that_wanders_is_in_the_band_of_the_displacement(tmp_path):
@@ -91,7 +94,7 @@ def test_a_path_that_wanders_is_in_the_band_of_the_displacement(tmp_path):
     left = calm.fit.shots[0].residual_m
     seen = np.isfinite(left)
     assert np.sqrt(np.mean(left[seen] ** 2)) > 1.5 * np.nanmedian(calm.motion.displacement_std_m)  # it does wander
-    inside = np.abs(left[seen]) < 2.0 * band_of(calm).displacement_m[seen]
+    inside = np.abs(left[seen]) < 2.0 * noise_band_of_shot(calm).displacement_m[seen]
     assert inside.mean() > 0.95
 
 
@@ -110,16 +113,17 @@ def test_the_noise_that_a_diagnosis_learnt_is_drawn_where_it_explained_its_shots
     white_m = float(np.nanmedian(shot.motion.displacement_std_m))
     found = synthetic.diagnosis(shot)
     found = replace(found, verdict=verdict, fit_after=replace(found.fit_after, noise_std_m=times * white_m))
-    shown, words = diagnosed_band(found, shot)
+    shown, words = diagnosis_band(found, shot)
     if learnt:
         assert shown == pytest.approx(times * white_m) and words == "noise, from all shots"
     else:
         assert (
-            shown == pytest.approx(band_of(shot).displacement_m, nan_ok=True) and words == "noise and floor vibration"
+            shown == pytest.approx(noise_band_of_shot(shot).displacement_m, nan_ok=True)
+            and words == "noise and floor vibration"
         )
-    band, said = judged_band(shot, found)
+    band, said = verdict_band(shot, found)
     assert said == words and band.displacement_m == pytest.approx(shown, nan_ok=True)
-    assert band.force_n == pytest.approx(band_of(shot).force_n, nan_ok=True)
+    assert band.force_n == pytest.approx(noise_band_of_shot(shot).force_n, nan_ok=True)
 
 
 def test_what_a_diagnosis_leaves_in_a_building_stays_inside_the_band_it_was_judged_by():
@@ -130,13 +134,13 @@ def test_what_a_diagnosis_leaves_in_a_building_stays_inside_the_band_it_was_judg
     assert found.verdict is Verdict.ADEQUATE
     inside, off = [], []
     for shot, part in zip(shots, found.fit_after.shots, strict=True):
-        band, words = diagnosed_band(found, shot)
+        band, words = diagnosis_band(found, shot)
         assert "floor vibration" in words
         assert np.array_equal(band, np.hypot(found.fit_after.noise_std_m, part.sway_std_m), equal_nan=True)
         seen = np.isfinite(part.residual_m)
         off.append(part.residual_m[seen] / band[seen])
         inside.append(np.abs(off[-1]) < 2.0)
         learned = replace(found, fit_after=replace(found.fit_after, shots=(replace(part, sway_std_m=None),)))
-        assert np.abs(part.residual_m[seen]).max() > 10.0 * np.nanmedian(diagnosed_band(learned, shot)[0])
+        assert np.abs(part.residual_m[seen]).max() > 10.0 * np.nanmedian(diagnosis_band(learned, shot)[0])
     assert np.mean(np.concatenate(inside)) > 0.8
     assert 0.4 < np.sqrt(np.mean(np.concatenate(off) ** 2)) < 1.6

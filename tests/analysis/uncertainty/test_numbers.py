@@ -12,12 +12,12 @@ from analysis.uncertainty.numbers import (
     Group,
     Origin,
     ResultNumber,
-    number_of,
-    of_collision,
-    of_series,
-    read,
+    collision_numbers,
+    number_with_key,
+    numbers_with_equation,
+    read_number,
+    series_numbers,
     shown_numbers,
-    with_equation,
     with_unit,
 )
 from tests.analysis.shots import shot_of
@@ -63,19 +63,19 @@ def test_the_numbers_are_these_with_these_units_and_places() -> None:
 
 
 def test_files_series_and_budgets_take_the_numbers_of_their_kind() -> None:
-    read_keys = [number.key for number in of_collision(Origin.READ)]
-    fitted = [number.key for number in of_collision(Origin.FITTED)]
+    read_keys = [number.key for number in collision_numbers(Origin.READ)]
+    fitted = [number.key for number in collision_numbers(Origin.FITTED)]
     keys = list(TABLE)
     assert read_keys == [*keys[:12], "stiffness_slope_n_per_m"] and fitted == keys[12:16]
-    assert [n.key for n in of_collision(Origin.DERIVED)] == keys[17:19]
-    assert [n.key for n in of_collision(Origin.STATED)] == keys[22:]  # a drive's are none of a collision
-    assert [n.key for n in of_series()] == [*keys[2:12], *keys[12:17]]
-    assert [n.key for n, equation in with_equation() if callable(equation)] == keys[:19]
+    assert [n.key for n in collision_numbers(Origin.DERIVED)] == keys[17:19]
+    assert [n.key for n in collision_numbers(Origin.STATED)] == keys[22:]  # a drive's are none of a collision
+    assert [n.key for n in series_numbers()] == [*keys[2:12], *keys[12:17]]
+    assert [n.key for n, equation in numbers_with_equation() if callable(equation)] == keys[:19]
     assert [n.key for n in shown_numbers(Group.PLATE)] == keys[12:17]
     assert [n.key for n in shown_numbers(Group.DRIVE)] == keys[19:22]
-    assert number_of("offset_n").group is Group.DRIVE
+    assert number_with_key("offset_n").group is Group.DRIVE
     with pytest.raises(KeyError, match="nothing"):
-        number_of("nothing")
+        number_with_key("nothing")
     assert (with_unit("x", "mm"), with_unit("x", "")) == ("x (mm)", "x")
 
 
@@ -84,27 +84,27 @@ def test_a_number_is_found_in_the_impact_the_fit_or_the_motion_or_it_is_said_why
     time = np.arange(0.0, 0.01, 1e-5)
     shot = shot_of(motion=motion_from(time, -0.2 * time, rig))
     assert shot.impact is not None and shot.fit is not None
-    assert read(shot, "force_peak_n") is shot.impact.force_peak_n
-    assert read(shot, "cor_kinetic.flights") is shot.impact.cor_kinetic.flights
-    assert read(shot, "plate_mass_kg") is shot.fit.parameters["plate_mass_kg"]
-    assert read(shot, "stated_mass_kg") == Quantity(MASS_KG, 1e-6, "as stated for the shot")
-    assert read(shot, "reduced_chi2") == Quantity(1.0, 0.0, "the fit of this shot alone")
+    assert read_number(shot, "force_peak_n") is shot.impact.force_peak_n
+    assert read_number(shot, "cor_kinetic.flights") is shot.impact.cor_kinetic.flights
+    assert read_number(shot, "plate_mass_kg") is shot.fit.parameters["plate_mass_kg"]
+    assert read_number(shot, "stated_mass_kg") == Quantity(MASS_KG, 1e-6, "as stated for the shot")
+    assert read_number(shot, "reduced_chi2") == Quantity(1.0, 0.0, "the fit of this shot alone")
     blind = replace(shot, impact=None, motion=None, fit=None, problem="no light")
     for key in ("force_peak_n", "stated_mass_kg"):
-        assert read(blind, key) == NotSeen("no light")
+        assert read_number(blind, key) == NotSeen("no light")
     nothing = replace(blind, problem=None)
-    assert (read(nothing, "force_peak_n"), read(nothing, "stated_mass_kg")) == (
+    assert (read_number(nothing, "force_peak_n"), read_number(nothing, "stated_mass_kg")) == (
         NotSeen("no impact"),
         NotSeen("no motion"),
     )
     unsaid = replace(shot, motion=motion_from(time, -0.2 * time, rig))
     assert unsaid.motion is not None
     unsaid = replace(unsaid, motion=replace(unsaid.motion, moving_mass_kg=float("nan")))
-    assert read(unsaid, "stated_mass_kg") == NotSeen("no mass is stated")
+    assert read_number(unsaid, "stated_mass_kg") == NotSeen("no mass is stated")
     guess = replace(shot, fit=replace(shot.fit, converged=False))
-    assert read(guess, "plate_mass_kg") == NotSeen("the fit did not converge, so its numbers are guesses")
-    assert read(guess, "reduced_chi2") == read(blind, "reduced_chi2") == NotSeen("no converged fit")
+    assert read_number(guess, "plate_mass_kg") == NotSeen("the fit did not converge, so its numbers are guesses")
+    assert read_number(guess, "reduced_chi2") == read_number(blind, "reduced_chi2") == NotSeen("no converged fit")
     other = replace(shot, fit=replace(shot.fit, parameters={}))
-    assert read(other, "plate_mass_kg") == NotSeen("not in the model paper")
+    assert read_number(other, "plate_mass_kg") == NotSeen("not in the model paper")
     unfitted = replace(shot, fit=None, settings=AnalysisSettings(fit=False))
-    assert read(unfitted, "plate_mass_kg") == NotSeen("no fit")
+    assert read_number(unfitted, "plate_mass_kg") == NotSeen("no fit")

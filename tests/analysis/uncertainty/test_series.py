@@ -9,7 +9,7 @@ import pytest
 
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty import series_statistics as table
-from analysis.uncertainty.numbers import read
+from analysis.uncertainty.numbers import read_number
 from analysis.uncertainty.series_statistics import Trend, excess_spread, series
 from tests.analysis.shots import at_speed, shot_of
 
@@ -85,9 +85,9 @@ def test_numbers_not_seen_are_left_out() -> None:
     stiffness = result.of("plate_stiffness_n_per_m")
     assert stiffness is not None and stiffness.shots == ("whole",)
     assert math.isnan(stiffness.scatter) and isinstance(stiffness.trend, NotSeen)
-    assert isinstance(read(lost, "cor_impulse"), NotSeen)
+    assert isinstance(read_number(lost, "cor_impulse"), NotSeen)
     with pytest.raises(KeyError):
-        read(lost, "flags")
+        read_number(lost, "flags")
 
 
 def test_rows_and_result_hold_no_nan() -> None:

@@ -84,7 +84,7 @@ def test_a_diagnosis_is_kept_for_its_shots_whatever_is_in_the_model(tmp_path):
 def test_the_kinds_of_a_result_are_dataclasses_and_enumerations_and_no_effect():
     found = kinds()
     assert {"Shot", "Diagnosis", "Motion", "Quantity", "Verdict", "Standing"} <= found.keys()
-    assert not {"Effect", "OwnLaw", "Row", "ndarray", "float"} & found.keys()
+    assert not {"Effect", "UserLaw", "Row", "ndarray", "float"} & found.keys()
     assert all(name == kind.__name__ for name, kind in found.items())
 
 
@@ -101,8 +101,8 @@ def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
     first, second = synthetic.shot("a", 0.265, 1, count=9000), synthetic.shot("b", 0.2, 2, count=9000)
     asked = []
 
-    def fitted(motions, base, effects, cancelled, shakings):
-        asked.append((len(motions), base, [e.name for e in effects], len(shakings)))
+    def fitted(motions, base, effects, cancelled, vibrations):
+        asked.append((len(motions), base, [e.name for e in effects], len(vibrations)))
         parts = tuple(replace(first.fit.shots[0]) for _ in motions)
         return replace(first.fit, shots=parts, effects=effects, converged=effects[-1] != VISCOUS, reduced_chi2=1.7)
 

@@ -136,8 +136,8 @@ def test_models_are_saved_loaded_and_tested(bench, tmp_path, monkeypatch):
     work, parts, path = one.workbench, {}, tmp_path / "model.toml"
     fits = []
 
-    def jointly(motions, base, effects, cancelled, shakings):
-        fits.append((len(motions), base, [effect.name for effect in effects], len(shakings)))
+    def jointly(motions, base, effects, cancelled, vibrations):
+        fits.append((len(motions), base, [effect.name for effect in effects], len(vibrations)))
         return first.fit
 
     monkeypatch.setattr(model_in_use, "fit_jointly", jointly)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from analysis.collision import general
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.parameters import Collision
 from instrument.bench.effects import CATALOGUE, draw
 from instrument.bench.measured_path import simulate_collision
@@ -14,7 +14,7 @@ from tests.bench.plate import plate_m
 SPEED, DISTANCE_M = 0.265, 2e-3
 BODIES = Bodies(18e-3, 2.1e-4, 230.0, 0.9e4, 0.45)
 TIME = np.arange(0.0, 0.05, 1e-4)
-FORCES = [name for name in CATALOGUE if named(name).kernel is not None]
+FORCES = [name for name in CATALOGUE if effect_named(name).kernel is not None]
 
 
 def _solved(effects, touch_s, velocity_in, plate=(0.0, 0.0)):
@@ -23,8 +23,8 @@ def _solved(effects, touch_s, velocity_in, plate=(0.0, 0.0)):
     stiffer = 5.0 ** effects.get("contact_exponent", {}).get("delta", 0.0)
     collision = Collision(18e-3, velocity_in, 230.0, 2.1e-4, 0.9e4 * stiffer, 0.45, *plate)
     acting = [
-        general.Active(row, tuple(values[p.name] for p in row.parameters))
-        for row, values in ((named(name), values) for name, values in effects.items())
+        general.ActiveEffect(row, tuple(values[p.name] for p in row.parameters))
+        for row, values in ((effect_named(name), values) for name, values in effects.items())
     ]
     run = general.solve(collision, acting, TIME - touch_s)
     return run.displacement_m, run.velocity_m_per_s, run.plate_displacement_m

@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
-from analysis.fitted.fitted_shot import awaits_fit
+from analysis.fitted.fitted_shot import fit_pending
 from analysis.pipeline import analyse, read
 from analysis.shot.motion import ARRAYS
 from analysis.shot.recording import Recording, Setup
@@ -68,10 +68,10 @@ def same(one: object, other: object) -> bool:
 def test_a_shot_comes_out_as_it_would_here(apart: SubprocessAnalysis, simulated: Recording) -> None:
     told: list[tuple[str, float]] = []
     there = apart.read(simulated, PLAIN, lambda *news: told.append(news), never)
-    assert there.impact is not None and there.fit is None and awaits_fit(there)
+    assert there.impact is not None and there.fit is None and fit_pending(there)
     assert same(there.impact, read(simulated, PLAIN).impact)
     there = apart.fit(there, lambda *news: told.append(news), never)
-    assert not awaits_fit(there)
+    assert not fit_pending(there)
     here = analyse(simulated, PLAIN)
     assert here.impact is not None
     assert there.motion is not None

@@ -104,7 +104,7 @@ def test_the_strength_of_a_form_grows_as_the_power_of_the_argument_that_it_multi
     z = np.linspace(-2.0, 3.0, 41)
     values = {name: 0.4 + 0.3 * k for k, name in enumerate(form.nonlinear_parameters)}
     larger = {name: 1e3 * value if name in form.lengths else value for name, value in values.items()}
-    power = values[form.grows_as] if isinstance(form.grows_as, str) else form.grows_as
+    power = values[form.argument_power] if isinstance(form.argument_power, str) else form.argument_power
     one, other = form.values(z, {"a": 2.0} | values), form.values(1e3 * z, {"a": 2.0} | larger)
     np.testing.assert_allclose(other, 1e3**power * one, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(form.values(z, {"a": -6.0} | values), -3.0 * one, rtol=1e-12)

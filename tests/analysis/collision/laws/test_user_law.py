@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 from analysis.collision import general
-from analysis.collision.effects import named
+from analysis.collision.effects import effect_named
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.forms import FORMS
-from analysis.collision.laws.own import LawError, OwnLaw, _states, from_mapping, known_effect
+from analysis.collision.laws.user_law import LawError, UserLaw, _random_states, known_effect, law_from_table
 from analysis.collision.parameters import PAPER, Collision
 from tests.law_rigs import Bodies, LawRig, Memory
 
 TIMES_S = np.arange(-1000, 4001) * 1e-5
 
 
-def law(where: str, formula: str, **start: float) -> OwnLaw:
+def law(where: str, formula: str, **start: float) -> UserLaw:
     parameters = {name: {"unit": "", "start": value} for name, value in start.items()}
-    return from_mapping({"name": "mine", "where": where, "formula": formula, "parameters": parameters})
+    return law_from_table({"name": "mine", "where": where, "formula": formula, "parameters": parameters})
 
 
 @pytest.mark.parametrize(
@@ -38,14 +38,14 @@ def law(where: str, formula: str, **start: float) -> OwnLaw:
     ],
 )
 def test_a_typed_law_is_the_row_of_its_equation(name: str, values: Any, where: str, formula: str) -> None:
-    row, own = named(name), law(where, formula, a=values[0])
+    row, own = effect_named(name), law(where, formula, a=values[0])
     assert own.acts is row.acts
     assert own.amplitude == "a"
     directions = [0, 2, 4, general.direction(0, 0)]
     if name == "contact_exponent":
         directions.remove(2)  # the row scales the fitted contact stiffness, the typed law a number
-    theirs = general.solve(PAPER, [general.Active(row, values)], TIMES_S, directions=directions)
-    ours = general.solve(PAPER, [general.Active(own, values)], TIMES_S, directions=directions)
+    theirs = general.solve(PAPER, [general.ActiveEffect(row, values)], TIMES_S, directions=directions)
+    ours = general.solve(PAPER, [general.ActiveEffect(own, values)], TIMES_S, directions=directions)
     assert [e.kind for e in ours.events] == [e.kind for e in theirs.events]
     assert ours.displacement_m == pytest.approx(theirs.displacement_m, abs=2e-15)
     # Where a law is not smooth at the touch, derivatives are right to the strides by which each was followed.
@@ -88,14 +88,14 @@ def test_derivatives_of_any_formula_are_those_of_differences(formula: str) -> No
     own = law("block", formula, a=1e-3, b=2e-3 if "b" in formula else 1.0)
     values = (1e-3, 2e-3)
     run = general.solve(
-        PAPER, [general.Active(own, values)], TIMES_S, directions=[general.direction(0, k) for k in (0, 1)]
+        PAPER, [general.ActiveEffect(own, values)], TIMES_S, directions=[general.direction(0, k) for k in (0, 1)]
     )
     for k in (0, 1):
         moved = []
         for sign in (-1, 1):
             near = list(values)
             near[k] *= 1 + sign * 1e-3  # past a cusp the speed depends to 1e-11 m/s on where the steps come to lie
-            moved.append(general.solve(PAPER, [general.Active(own, tuple(near))], TIMES_S).displacement_m)
+            moved.append(general.solve(PAPER, [general.ActiveEffect(own, tuple(near))], TIMES_S).displacement_m)
         slope = (moved[1] - moved[0]) / (2e-3 * values[k])
         exact = run.displacement_derivatives[:, k]
         assert np.max(np.abs(slope)) > 0 or "*0" in formula
@@ -132,7 +132,7 @@ def test_a_law_that_begins_in_mid_contact_is_followed(where: str, hinge_m: float
     theirs = rig.displacement_m(TIMES_S, 0.25)
     bare = LawRig(bodies=bodies).displacement_m(TIMES_S, 0.25)
     own = law(where, f"a*max(0, c - {letter})", a=0.5, c=hinge_m)
-    ours = general.solve(collision, [general.Active(own, (0.5, hinge_m))], TIMES_S).displacement_m
+    ours = general.solve(collision, [general.ActiveEffect(own, (0.5, hinge_m))], TIMES_S).displacement_m
     assert np.max(np.abs(theirs - bare)) > 1e-7
     assert ours == pytest.approx(theirs, abs=2e-12)  # the kink itself is stepped over
 
@@ -147,7 +147,9 @@ def test_a_steep_kink_is_met_as_finely_by_a_fit_as_it_needs(hinge_m: float) -> N
     rig = LawRig(kinks=(lambda _x, _v, y, _u: y - hinge_m,), bodies=bodies, on_plate=force)
     theirs = rig.displacement_m(TIMES_S, 0.25, 2e-5)
     own = law("plate", "a*max(0, c - y)", a=5.0, c=hinge_m)
-    ours = general.solve(_collision(bodies), [general.Active(own, (5.0, hinge_m))], TIMES_S, stride=2.0).displacement_m
+    ours = general.solve(
+        _collision(bodies), [general.ActiveEffect(own, (5.0, hinge_m))], TIMES_S, stride=2.0
+    ).displacement_m
     assert ours == pytest.approx(theirs, abs=5e-12)  # averaged noise of the beat: 16e-12
 
 
@@ -167,7 +169,7 @@ def test_a_law_of_time_counts_from_the_touch(where: str) -> None:
         swing = size / bodies.block_kg / omega
         theirs[: t.size] = (swing - 0.25) * t - swing / omega * np.sin(omega * t)
     own = law(where, f"a*sin(2*pi*{90.0}*t)", a=size)
-    ours = general.solve(_collision(bodies), [general.Active(own, (size,))], TIMES_S).displacement_m
+    ours = general.solve(_collision(bodies), [general.ActiveEffect(own, (size,))], TIMES_S).displacement_m
     assert np.max(np.abs(theirs - LawRig(bodies=bodies).displacement_m(TIMES_S, 0.25))) > 1e-8
     assert ours == pytest.approx(theirs, abs=2e-12)
 
@@ -176,14 +178,14 @@ def test_a_constant_in_contact_acts_while_they_touch_and_only_then() -> None:
     bodies = Bodies()
     theirs = LawRig(bodies=bodies, between=lambda *_: -2e-3).displacement_m(TIMES_S, 0.25, 1e-5)
     own = law("contact", "-a", a=2e-3)
-    ours = general.solve(_collision(bodies), [general.Active(own, (2e-3,))], TIMES_S).displacement_m
+    ours = general.solve(_collision(bodies), [general.ActiveEffect(own, (2e-3,))], TIMES_S).displacement_m
     assert np.max(np.abs(theirs - LawRig(bodies=bodies).displacement_m(TIMES_S, 0.25))) > 1e-9
     assert ours == pytest.approx(theirs, abs=2e-12)
 
 
 def test_time_is_not_for_the_force_in_contact() -> None:
     with pytest.raises(LawError, match="t is for laws of the block or the plate"):
-        from_mapping(table(where="contact", formula="-a*exp(-t/b)"))
+        law_from_table(table(where="contact", formula="-a*exp(-t/b)"))
 
 
 def table(**changes: Any) -> dict[str, Any]:
@@ -196,9 +198,9 @@ def table(**changes: Any) -> dict[str, Any]:
 
 
 def test_what_was_written_is_read_again() -> None:
-    own = from_mapping(table(words="a pull that fades"))
-    assert from_mapping(own.written()) == own
-    assert own is from_mapping(own.written())  # compiled once
+    own = law_from_table(table(words="a pull that fades"))
+    assert law_from_table(own.written()) == own
+    assert own is law_from_table(own.written())  # compiled once
 
 
 @pytest.mark.parametrize(
@@ -241,7 +243,7 @@ def test_what_was_written_is_read_again() -> None:
 )
 def test_a_law_that_cannot_be_used_is_refused_in_one_line(changes: dict[str, Any], why: str) -> None:
     with pytest.raises(LawError, match=why) as refused:
-        from_mapping(table(**changes))
+        law_from_table(table(**changes))
     assert "\n" not in str(refused.value)
 
 
@@ -252,7 +254,7 @@ def test_derivatives_past_a_slope_without_bound_do_not_depend_on_where_the_steps
     near = []
     for change in (0.0, 1e-7, 3e-7):
         collision = replace(PAPER, contact_stiffness_n_per_m=9e3 * (1 + change))
-        run = general.solve(collision, [general.Active(own, (21.2, 0.5))], TIMES_S, directions=by, stride=2.0)
+        run = general.solve(collision, [general.ActiveEffect(own, (21.2, 0.5))], TIMES_S, directions=by, stride=2.0)
         near.append(run.displacement_derivatives / np.max(np.abs(run.displacement_derivatives), axis=0))
     assert np.max(np.abs(near[1] - near[0])) < 2e-4
     assert np.max(np.abs(near[2] - near[0])) < 2e-4
@@ -268,7 +270,7 @@ def test_a_division_by_zero_is_no_trajectory_and_raises_nothing_else(where: str,
     except LawError:
         return  # said before any collision is followed
     try:
-        run = general.solve(PAPER, [general.Active(effect, (1e-6,))], TIMES_S, directions=[0, 2])
+        run = general.solve(PAPER, [general.ActiveEffect(effect, (1e-6,))], TIMES_S, directions=[0, 2])
     except general.UnboundedMotion as why:
         assert "without bound" in str(why)
     else:
@@ -278,8 +280,10 @@ def test_a_division_by_zero_is_no_trajectory_and_raises_nothing_else(where: str,
 def test_a_derivative_goes_through_a_quotient() -> None:
     own = law("block", "-a*v/(1 + 1e3*x*x)", a=1e-3)
     step = 1e-6
-    ways = [general.solve(PAPER, [general.Active(own, (1e-3 + k * step,))], TIMES_S, directions=[]) for k in (-1, 1)]
-    exact = general.solve(PAPER, [general.Active(own, (1e-3,))], TIMES_S, directions=[general.direction(0, 0)])
+    ways = [
+        general.solve(PAPER, [general.ActiveEffect(own, (1e-3 + k * step,))], TIMES_S, directions=[]) for k in (-1, 1)
+    ]
+    exact = general.solve(PAPER, [general.ActiveEffect(own, (1e-3,))], TIMES_S, directions=[general.direction(0, 0)])
     slope = (ways[1].displacement_m - ways[0].displacement_m) / (2 * step)
     np.testing.assert_allclose(exact.displacement_derivatives[:, 0], slope, atol=1e-6 * np.abs(slope).max())
 
@@ -287,8 +291,10 @@ def test_a_derivative_goes_through_a_quotient() -> None:
 @pytest.mark.parametrize("name", ["stir_", "_stir_", "_", "a__b_"])
 def test_a_law_without_words_survives_its_own_file(name: str) -> None:
     parameters = {"a": {"unit": "", "start": 1}}
-    own = from_mapping({"name": name, "where": "block", "formula": "-a*v", "parameters": parameters})
-    assert known_effect(own.key) is own and from_mapping(own.written()) == own and own.words.strip() == own.words != ""
+    own = law_from_table({"name": name, "where": "block", "formula": "-a*v", "parameters": parameters})
+    assert (
+        known_effect(own.key) is own and law_from_table(own.written()) == own and own.words.strip() == own.words != ""
+    )
 
 
 @pytest.mark.parametrize(
@@ -306,7 +312,7 @@ def test_a_law_without_words_survives_its_own_file(name: str) -> None:
 )
 def test_the_rate_of_a_law_is_its_steepest_slope_over_the_mass(where: str, formula: str, rate: float) -> None:
     table = {"name": "l", "where": where, "formula": formula, "parameters": {"a": {"unit": "", "start": 1.0}}}
-    law = from_mapping(table)
+    law = law_from_table(table)
     assert law.fastest(np.array([40.0]), PAPER) == pytest.approx(rate, rel=0.05)
     if where == "contact":
         locked = replace(PAPER, plate_mass_kg=math.inf, plate_stiffness_n_per_m=0.0)
@@ -317,7 +323,7 @@ def test_the_rate_of_a_law_is_its_steepest_slope_over_the_mass(where: str, formu
 
 
 def test_the_states_at_which_a_law_is_looked_at_are_those_of_a_collision() -> None:
-    states = _states(PAPER)
+    states = _random_states(PAPER)
     run = general.solve(replace(PAPER, contact_damping_n_s_per_m=0.0), (), np.arange(3000) * 1e-5)
     deepest, first = -run.displacement_m.min(), -run.gap_m[run.time_s < 4e-4].min()
     assert states["y"].min() == pytest.approx(-deepest, rel=0.05) and -0.02 * deepest < states["y"].max() <= 0.0
@@ -330,18 +336,18 @@ def test_the_states_at_which_a_law_is_looked_at_are_those_of_a_collision() -> No
 
 
 def test_a_law_may_be_named_as_long_as_that_and_begin_at_one_of_its_limits() -> None:
-    long = from_mapping(table(name="n" * 40))
+    long = law_from_table(table(name="n" * 40))
     assert long.name == "n" * 40 and long.words == "n" * 40
     for limits in ({"lower": 1.0}, {"upper": 1.0}, {"lower": -2.0, "upper": 1.0}):
-        own = from_mapping(table(formula="a*x", parameters={"a": {"unit": "N/m", "start": 1.0} | limits}))
+        own = law_from_table(table(formula="a*x", parameters={"a": {"unit": "N/m", "start": 1.0} | limits}))
         (given,) = own.parameters
         assert (given.lower, given.upper) == (limits.get("lower", -math.inf), limits.get("upper", math.inf))
-    down = from_mapping(table(formula="a*x", parameters={"a": {"unit": "N/m", "start": -3.0}})).parameters[0]
+    down = law_from_table(table(formula="a*x", parameters={"a": {"unit": "N/m", "start": -3.0}})).parameters[0]
     assert (down.scale, down.tried, down.unit, down.own) == (3.0, (-3.0,), "N/m", False)
 
 
 def test_a_law_is_the_same_after_a_file_and_in_another_process() -> None:
-    own = from_mapping(table(words="fades", parameters={
+    own = law_from_table(table(words="fades", parameters={
         "a": {"unit": "N", "start": -2.0, "upper": 5.0}, "b": {"unit": "m", "start": 1e-3, "own": True},
     }))  # fmt: skip
     assert pickle.loads(pickle.dumps(own)) is own and known_effect(own.key) is own
@@ -349,10 +355,12 @@ def test_a_law_is_the_same_after_a_file_and_in_another_process() -> None:
         "a": {"unit": "N", "start": -2.0, "upper": 5.0}, "b": {"unit": "m", "start": 1e-3, "own": True},
     }  # fmt: skip
     assert own.short_words == "fades" and own.key.startswith("pull{")
-    other = from_mapping(table(words="another"))
-    assert other != own and len({own, other, from_mapping(own.written())}) == 2
+    other = law_from_table(table(words="another"))
+    assert other != own and len({own, other, law_from_table(own.written())}) == 2
     assert known_effect(own.key.replace("pull{", "push{")) is None  # named twice, and not alike
-    assert known_effect("pull") is None and known_effect("pull{") is None and known_effect("tilt") is named("tilt")
+    assert (
+        known_effect("pull") is None and known_effect("pull{") is None and known_effect("tilt") is effect_named("tilt")
+    )
     assert known_effect("frame_vibration_with_plate") is not None and known_effect("flight_acceleration") is not None
 
 
@@ -360,13 +368,13 @@ def test_a_law_of_time_without_size_has_no_rate_and_states_are_drawn_all_over_a_
     still = law("block", "a*0*t + a*x", a=2.0)
     assert still.fastest(np.array([0.0]), PAPER) == 0.0
     assert law("block", "a*t", a=2.0).fastest(np.array([2.0]), PAPER) == pytest.approx(
-        1.0 / math.sqrt(np.mean(_states(PAPER)["t"] ** 2))
+        1.0 / math.sqrt(np.mean(_random_states(PAPER)["t"] ** 2))
     )
     locked = replace(PAPER, plate_mass_kg=math.inf, plate_stiffness_n_per_m=0.0)
     assert law("contact", "a*d", a=2.0).fastest(np.array([2.0]), locked) == pytest.approx(
         math.sqrt(2.0 / PAPER.block_mass_kg)
     )
-    states = _states(PAPER)
+    states = _random_states(PAPER)
     overlap = 2.0 * (states["d"] - states["d"].min())
     assert np.ptp(states["x"] - 1.2 * states["y"]) == pytest.approx(2.0 * np.ptp(overlap) / 2.0, rel=0.02)
     assert all(values.shape == (400,) and np.isfinite(values).all() for values in states.values())

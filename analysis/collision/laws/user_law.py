@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER, named
+from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER_EFFECTS, effect_named
 from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, PAIR
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.laws.formula import STATE, TIME, Formula, FormulaError, kernel_of, read
@@ -26,9 +26,9 @@ _PLACES = {
     "contact": (Acts.IN_CONTACT, PAIR),
 }
 _PLACE_NAMES = ("x", "y", "d")
-_H = 1e-30
-_DRAWN = 400
-_DRAW = np.random.default_rng(1).uniform(-1.0, 1.0, (6, _DRAWN))
+_STEP = 1e-30
+_RANDOM_STATES = 400
+_UNIT_DRAWS = np.random.default_rng(1).uniform(-1.0, 1.0, (6, _RANDOM_STATES))
 
 
 class LawError(ValueError):
@@ -36,7 +36,7 @@ class LawError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False, kw_only=True)
-class OwnLaw(Effect):
+class UserLaw(Effect):
     """A law as it was written, with the functions that the solver and the search need.
 
     ``where`` is "block", "plate" or "contact" (between the two; the force on the block).  The formula's force is in N,
@@ -53,7 +53,7 @@ class OwnLaw(Effect):
 
     @property
     def key(self) -> str:
-        """Get the name followed by the definition; ``from_key`` restores the law from it."""
+        """Get the name followed by the definition; ``law_from_key`` restores the law from it."""
         return self.name + self.definition
 
     @property
@@ -62,7 +62,7 @@ class OwnLaw(Effect):
         return self.words
 
     def written(self) -> dict[str, Any]:
-        """Return the law as a table that ``from_mapping`` reads."""
+        """Return the law as a table that ``law_from_table`` reads."""
         table: dict[str, Any] = {
             "name": self.name, "words": self.words, "where": self.where, "formula": self.formula.text,
         }  # fmt: skip
@@ -78,11 +78,11 @@ class OwnLaw(Effect):
     def __hash__(self) -> int:
         return hash(self.definition)
 
-    def __reduce__(self) -> tuple[Callable[[str], "OwnLaw"], tuple[str]]:
-        return from_key, (self.key,)
+    def __reduce__(self) -> tuple[Callable[[str], "UserLaw"], tuple[str]]:
+        return law_from_key, (self.key,)
 
 
-def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
+def law_from_table(table: Mapping[str, Any]) -> UserLaw:
     """Return the law that a table describes (docs/own-laws.md).  Raises LawError, which names the faulty key."""
     for key in table:
         if key not in ("name", "words", "where", "formula", "parameters"):
@@ -113,21 +113,21 @@ def from_mapping(table: Mapping[str, Any]) -> OwnLaw:
 
 
 @cache
-def from_key(key: str) -> OwnLaw:
+def law_from_key(key: str) -> UserLaw:
     """Return the law with this ``key``, as stored in files.  Raises LawError."""
     name, brace, rest = key.partition("{")
     try:
-        return from_mapping(json.loads(brace + rest))
+        return law_from_table(json.loads(brace + rest))
     except (ValueError, RecursionError) as why:
         raise LawError(f"no law can be read from {name!r}: {why}") from None
 
 
 def known_effect(key: str) -> Effect | None:
     """Return the catalogue effect or law that a file stores under this ``key``; None if there is none."""
-    if key in CATALOGUE or key in WIDER or key in NUISANCES:
-        return named(key)
+    if key in CATALOGUE or key in WIDER_EFFECTS or key in NUISANCES:
+        return effect_named(key)
     try:
-        law = from_key(key)
+        law = law_from_key(key)
     except LawError:
         return None
     return law if law.key == key else None
@@ -174,9 +174,9 @@ def _number(name: str, table: Mapping[str, Any], key: str, otherwise: float) -> 
 
 
 @cache
-def _law(name: str, words: str, where: str, formula: Formula, parameters: tuple[Parameter, ...]) -> OwnLaw:
+def _law(name: str, words: str, where: str, formula: Formula, parameters: tuple[Parameter, ...]) -> UserLaw:
     acts, adds_to = _PLACES[where]
-    return OwnLaw(
+    return UserLaw(
         name,
         words,
         acts,
@@ -195,9 +195,9 @@ def _law(name: str, words: str, where: str, formula: Formula, parameters: tuple[
 
 def _amplitude(formula: Formula, parameters: Sequence[Parameter]) -> str:
     """Return a shared parameter whose value 0 turns the law off, preferably one in which the law is linear."""
-    states, start = _states(PAPER), {p.name: p.tried[0] for p in parameters}
+    states, start = _random_states(PAPER), {p.name: p.tried[0] for p in parameters}
     with np.errstate(all="ignore"):
-        here = np.broadcast_to(formula.values(states, start), (_DRAWN,))
+        here = np.broadcast_to(formula.values(states, start), (_RANDOM_STATES,))
         if not np.all(np.isfinite(here)):
             raise LawError("formula: no finite force somewhere within an ordinary collision, at the parameters' start")
         if not np.any(here):
@@ -215,14 +215,14 @@ def _amplitude(formula: Formula, parameters: Sequence[Parameter]) -> str:
     return (linear or off)[0]
 
 
-def _states(collision: Collision) -> dict[str, Floats]:
-    """Return random states within the motion of a collision, arrays of shape (_DRAWN,)."""
+def _random_states(collision: Collision) -> dict[str, Floats]:
+    """Return random states within the motion of a collision, arrays of shape (_RANDOM_STATES,)."""
     c = collision
     speed = abs(c.velocity_in_m_per_s)
     inverse = 1 / c.block_mass_kg + 1 / c.plate_mass_kg
     overlap = speed / math.sqrt(c.contact_stiffness_n_per_m * inverse)
     deepest = speed * c.contact_time_estimate_s / math.pi
-    u = _DRAW
+    u = _UNIT_DRAWS
     bend = 0.5 * deepest * (u[2] - 1.0)
     return {
         "x": 1.2 * bend + overlap * u[0], "v": speed * u[1], "y": bend, "u": 2 * speed * u[3],
@@ -237,22 +237,22 @@ def _fastest(
     given = {p.name: float(v) for p, v in zip(parameters, values, strict=True)}
     on_plate = where != "block" and math.isfinite(collision.plate_mass_kg)
     mass = min(collision.block_mass_kg, collision.plate_mass_kg) if on_plate else collision.block_mass_kg
-    states, rate = _states(collision), 0.0
+    states, rate = _random_states(collision), 0.0
     for name in formula.state:
         if name == TIME:
-            rate = max(rate, _of_time(formula, given, states))
+            rate = max(rate, _rate_of_change(formula, given, states))
             continue
         with np.errstate(all="ignore"):
-            slope = np.imag(formula.values(states | {name: states[name] + 1j * _H}, given)) / _H / mass
+            slope = np.imag(formula.values(states | {name: states[name] + 1j * _STEP}, given)) / _STEP / mass
         steep = float(np.max(np.abs(slope), initial=0.0, where=np.isfinite(slope)))
         rate = max(rate, math.sqrt(steep) if name in _PLACE_NAMES else steep)
     return rate
 
 
-def _of_time(formula: Formula, given: Mapping[str, float], states: Mapping[str, Floats]) -> float:
+def _rate_of_change(formula: Formula, given: Mapping[str, float], states: Mapping[str, Floats]) -> float:
     """Return the rate in rad/s at which the law changes in time: rms derivative over rms force."""
     with np.errstate(all="ignore"):
-        moved = formula.values({**states, TIME: states[TIME] + 1j * _H}, given)
-    force, rate = np.real(moved), np.imag(moved) / _H
+        moved = formula.values({**states, TIME: states[TIME] + 1j * _STEP}, given)
+    force, rate = np.real(moved), np.imag(moved) / _STEP
     size = math.sqrt(float(np.mean(force**2, where=np.isfinite(force))))
     return math.sqrt(float(np.mean(rate**2, where=np.isfinite(rate)))) / size if size > 0.0 else 0.0

@@ -7,10 +7,17 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from analysis.shot.impact import Shaking
+from analysis.shot.impact import VibrationSpectrum
 from analysis.shot.quantity import Quantity
 from analysis.signal.filters import derivative_filters, derivative_gains, derivatives
-from analysis.uncertainty.motion_band import _frame_in, _left, _wandering, band_of, noise_band, wander_of
+from analysis.uncertainty.noise_band import (
+    _frame_motion_std_m,
+    _share_after_fit,
+    _wander_std,
+    noise_band_of_motion,
+    noise_band_of_shot,
+    path_wander,
+)
 from tests.analysis.shots import shot_of
 from tests.analysis.synthetic_collision import MASS_KG, Synthetic, motion_from
 
@@ -18,7 +25,7 @@ RIG = Synthetic(rate_hz=1e4, bandwidth_hz=1e3, noise_m=1e-9)
 TIME_S = np.arange(0.0, 0.2, 1 / RIG.rate_hz)
 MOTION = motion_from(TIME_S, -0.2 * TIME_S, RIG)
 SPAN_S = float(TIME_S[-1])
-SHAKING = Shaking(np.array([1.5, 40.0, 310.0]), np.array([4e-15, 9e-18, 1e-18]), np.ones(3, np.bool_))
+SHAKING = VibrationSpectrum(np.array([1.5, 40.0, 310.0]), np.array([4e-15, 9e-18, 1e-18]), np.ones(3, np.bool_))
 
 
 def waves(frequency_hz: float) -> Any:
@@ -27,7 +34,7 @@ def waves(frequency_hz: float) -> Any:
 
 @pytest.mark.parametrize("terms", [1, 2])
 def test_a_fit_absorbs_what_its_polynomial_does_of_each_sine(terms: int) -> None:
-    left = _left(SHAKING, SPAN_S, terms)
+    left = _share_after_fit(SHAKING, SPAN_S, terms)
     for share, frequency in zip(left, SHAKING.frequency_hz, strict=True):
         both = waves(frequency)
         rest = [one - np.polyval(np.polyfit(TIME_S, one, terms - 1), TIME_S) for one in both]
@@ -35,7 +42,7 @@ def test_a_fit_absorbs_what_its_polynomial_does_of_each_sine(terms: int) -> None
 
 
 def test_the_band_is_white_noise_and_vibration_through_the_motions_own_filters() -> None:
-    band = noise_band(MOTION, SHAKING)
+    band = noise_band_of_motion(MOTION, SHAKING)
     white = derivative_gains(np.ones(TIME_S.size, np.bool_), RIG.rate_hz, RIG.bandwidth_hz)
     variance = [0.0, 0.0, 0.0]
     for frequency, power in zip(SHAKING.frequency_hz, SHAKING.power_m2, strict=True):
@@ -56,7 +63,7 @@ def test_the_band_is_white_noise_and_vibration_through_the_motions_own_filters()
     assert band.velocity_m_per_s == pytest.approx(expected[1], rel=0.05)
     assert band.force_n == pytest.approx(expected[2], rel=0.02)
     left_m = np.linspace(1e-9, 2e-9, TIME_S.size)
-    given = noise_band(MOTION, SHAKING, left_m)
+    given = noise_band_of_motion(MOTION, SHAKING, left_m)
     assert given.displacement_m == pytest.approx(np.hypot(RIG.noise_m, left_m))
     assert np.array_equal(given.force_n, band.force_n, equal_nan=True)
 
@@ -72,17 +79,20 @@ def test_what_wanders_is_a_forgetful_walk_behind_each_filter() -> None:
     filters = derivative_filters(RIG.rate_hz, RIG.bandwidth_hz)
     for taps in (np.ones(1), filters.velocity, filters.acceleration):
         seen = np.convolve(walk, taps[::-1], "valid")
-        assert _wandering(((rms_m, memory_s),), taps, RIG.rate_hz) == pytest.approx(seen.std(), rel=0.05)
-        two = _wandering(((rms_m, memory_s), (2 * rms_m, memory_s)), taps, RIG.rate_hz)
-        assert two == pytest.approx(np.sqrt(5.0) * _wandering(((rms_m, memory_s),), taps, RIG.rate_hz))
-    band, calm = noise_band(MOTION, SHAKING, wander=((rms_m, memory_s),)), noise_band(MOTION, SHAKING)
+        assert _wander_std(((rms_m, memory_s),), taps, RIG.rate_hz) == pytest.approx(seen.std(), rel=0.05)
+        two = _wander_std(((rms_m, memory_s), (2 * rms_m, memory_s)), taps, RIG.rate_hz)
+        assert two == pytest.approx(np.sqrt(5.0) * _wander_std(((rms_m, memory_s),), taps, RIG.rate_hz))
+    band, calm = (
+        noise_band_of_motion(MOTION, SHAKING, wander=((rms_m, memory_s),)),
+        noise_band_of_motion(MOTION, SHAKING),
+    )
     for name, taps, mass in (
         ("displacement_m", np.ones(1), 1.0),
         ("velocity_m_per_s", filters.velocity, 1.0),
         ("force_n", filters.acceleration, MASS_KG),
     ):
         more = np.sqrt(getattr(band, name)[1000] ** 2 - getattr(calm, name)[1000] ** 2)
-        assert more == pytest.approx(mass * _wandering(((rms_m, memory_s),), taps, RIG.rate_hz), rel=1e-6)
+        assert more == pytest.approx(mass * _wander_std(((rms_m, memory_s),), taps, RIG.rate_hz), rel=1e-6)
 
 
 @pytest.mark.parametrize(("times", "learnt"), [(1.09, False), (1.11, True)])
@@ -92,18 +102,18 @@ def test_the_noise_a_fit_estimated_is_the_band_where_it_is_a_tenth_more_than_the
     shot = shot_of(motion=MOTION)
     assert shot.fit is not None
     fitted = replace(shot, fit=replace(shot.fit, noise_std_m=times * RIG.noise_m))
-    band = band_of(fitted).displacement_m
+    band = noise_band_of_shot(fitted).displacement_m
     assert band == pytest.approx(times * RIG.noise_m if learnt else RIG.noise_m)
-    assert band_of(replace(shot, fit=None)).displacement_m == pytest.approx(RIG.noise_m)
+    assert noise_band_of_shot(replace(shot, fit=None)).displacement_m == pytest.approx(RIG.noise_m)
 
 
 def test_only_a_converged_fit_tells_what_wanders() -> None:
     shot = shot_of()
     assert shot.fit is not None
     wanders = replace(shot.fit, wander=((1e-9, 1e-3),))
-    assert wander_of(replace(shot, fit=wanders)) == ((1e-9, 1e-3),)
-    assert wander_of(replace(shot, fit=replace(wanders, converged=False))) == ()
-    assert wander_of(replace(shot, fit=None)) == ()
+    assert path_wander(replace(shot, fit=wanders)) == ((1e-9, 1e-3),)
+    assert path_wander(replace(shot, fit=replace(wanders, converged=False))) == ()
+    assert path_wander(replace(shot, fit=None)) == ()
 
 
 def test_a_shots_part_of_a_joint_fit_is_that_with_its_speed_and_samples() -> None:
@@ -117,8 +127,11 @@ def test_a_shots_part_of_a_joint_fit_is_that_with_its_speed_and_samples() -> Non
     shot = shot_of(motion=MOTION)
     assert shot.fit is not None
     own = replace(shot, fit=replace(shot.fit, shots=(part(-0.2, size, 9.0),)))
-    found = _frame_in(joint, own)
+    found = _frame_motion_std_m(joint, own)
     assert found is not None and np.all(found == 2.0)
     shorter = cast(Any, SimpleNamespace(shots=(part(-0.2, size - 1, 1.0),)))
-    assert _frame_in(shorter, own) is None and _frame_in(cast(Any, SimpleNamespace(shots=())), own) is None
-    assert _frame_in(joint, replace(own, motion=None)) is None and _frame_in(joint, shot) is None
+    assert (
+        _frame_motion_std_m(shorter, own) is None
+        and _frame_motion_std_m(cast(Any, SimpleNamespace(shots=())), own) is None
+    )
+    assert _frame_motion_std_m(joint, replace(own, motion=None)) is None and _frame_motion_std_m(joint, shot) is None

@@ -7,30 +7,30 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import acting, general
-from analysis.collision.acting import (
-    Active,
+from analysis.collision import general, mechanical_effects
+from analysis.collision.effects import effect_named
+from analysis.collision.mechanical_effects import (
+    ActiveEffect,
     active_effects,
+    build_system,
     chain_matrix,
     chain_rules,
     direction,
     fastest_rates,
-    lay_out,
 )
-from analysis.collision.effects import named
 from analysis.collision.parameters import KERNEL_ORDER, PAPER, Collision, Variant
 
 LOCKED = replace(PAPER, plate_mass_kg=math.inf, plate_stiffness_n_per_m=0.0)
 
 
 def test_a_collision_with_effects_is_laid_out_one_after_another() -> None:
-    adhesion = Active(named("adhesion"), (2.0, 3.0))
-    mode = Active(named("block_mode"), (4.0, 5.0, 6.0))
-    arm = Active(named("viscoelastic_arm"), (7.0, 8.0))
-    clocked = Active(named("frame_vibration_with_plate"), (9.0, 10.0, 11.0))
-    drag = Active(named("viscous_drag"), (12.0,))
+    adhesion = ActiveEffect(effect_named("adhesion"), (2.0, 3.0))
+    mode = ActiveEffect(effect_named("block_mode"), (4.0, 5.0, 6.0))
+    arm = ActiveEffect(effect_named("viscoelastic_arm"), (7.0, 8.0))
+    clocked = ActiveEffect(effect_named("frame_vibration_with_plate"), (9.0, 10.0, 11.0))
+    drag = ActiveEffect(effect_named("viscous_drag"), (12.0,))
     which = [3, -1, direction(1, 2), direction(4, 0), direction(0, 1)]
-    system = lay_out(PAPER, [adhesion, mode, arm, clocked, drag], which)
+    system = build_system(PAPER, [adhesion, mode, arm, clocked, drag], which)
     assert system.p.tolist() == [*PAPER.vector, *range(2, 13)] and system.p_complex.tolist() == system.p.tolist()
     assert system.which.tolist() == [3, -1, 8 + 2 + 2, 8 + 10, 8 + 1]
     # between the bodies, hidden states, shift, on the plate, rides, range, first parameter, rate
@@ -42,13 +42,13 @@ def test_a_collision_with_effects_is_laid_out_one_after_another() -> None:
         [0, 0, 0, 0, 0, -1, 18, -1],
     ]
     assert system.numbers == 4 + 2 * 4 and system.variant == 0
-    assert lay_out(replace(PAPER, variant=Variant.NO_TENSION), [drag], ()).numbers == 4
-    assert lay_out(replace(PAPER, variant=Variant.NO_TENSION), [drag], ()).variant == 2
+    assert build_system(replace(PAPER, variant=Variant.NO_TENSION), [drag], ()).numbers == 4
+    assert build_system(replace(PAPER, variant=Variant.NO_TENSION), [drag], ()).variant == 2
     with pytest.raises(ValueError, match="sensor_drift does not act on the motion"):
-        lay_out(PAPER, [Active(named("sensor_drift"), (1.0,))], ())
-    spring = named("cubic_stiffness")
-    assert acting.function_of(spring, LOCKED) == (spring.locked, acting.Acts.IN_CONTACT)
-    assert acting.function_of(spring, PAPER) == (spring.kernel, acting.Acts.ON_PLATE)
+        build_system(PAPER, [ActiveEffect(effect_named("sensor_drift"), (1.0,))], ())
+    spring = effect_named("cubic_stiffness")
+    assert mechanical_effects.function_of(spring, LOCKED) == (spring.locked, mechanical_effects.Acts.IN_CONTACT)
+    assert mechanical_effects.function_of(spring, PAPER) == (spring.kernel, mechanical_effects.Acts.ON_PLATE)
 
 
 def test_the_fastest_rates_are_those_of_block_contact_and_plate() -> None:
@@ -62,31 +62,34 @@ def test_the_fastest_rates_are_those_of_block_contact_and_plate() -> None:
     assert (found.every, found.inside) == (0.0, 0.0)
     damped = replace(c, contact_damping_n_s_per_m=100.0)
     assert fastest_rates(damped, []).contact == pytest.approx(100.0 * (1 / c.block_mass_kg + 1 / c.plate_mass_kg))
-    arm, mode = Active(named("viscoelastic_arm"), (1.0, 1e-4)), Active(named("block_mode"), (1e-3, 300.0, 0.01))
+    arm, mode = (
+        ActiveEffect(effect_named("viscoelastic_arm"), (1.0, 1e-4)),
+        ActiveEffect(effect_named("block_mode"), (1e-3, 300.0, 0.01)),
+    )
     both = fastest_rates(c, [arm, mode])
     assert (both.every, both.inside) == pytest.approx((1e4, 600 * math.pi))
     assert both.of_modes == pytest.approx(
         (math.hypot(both.contact, 1e4), math.hypot(both.plate, 1e4), both.inside, 0.0)
     )
-    stiffer = fastest_rates(c, [Active(named("contact_exponent"), (0.5,))]).contact
+    stiffer = fastest_rates(c, [ActiveEffect(effect_named("contact_exponent"), (0.5,))]).contact
     assert stiffer == pytest.approx(math.sqrt(3.0 * found.contact**2 - 2.0 * found.plate**2))
     assert fastest_rates(LOCKED, []).plate == 0.0
 
 
 def test_a_clocked_effect_is_given_what_its_clock_says_at_the_meeting() -> None:
-    row, reach = named("frame_vibration_with_plate"), named("adhesion")
+    row, reach = effect_named("frame_vibration_with_plate"), effect_named("adhesion")
     given = {"amplitude_m_per_s": 1e-5, "frequency_hz": 80.0, "phase_rad": 0.4, "plate_factor": 0.6}
-    values: Any = {row: given, reach: {"force_n": 1e-3, "range_m": 2e-3}, named("tilt"): {"angle_rad": 1e-4}}
+    values: Any = {row: given, reach: {"force_n": 1e-3, "range_m": 2e-3}, effect_named("tilt"): {"angle_rad": 1e-4}}
 
     def kernel(collision: Collision = PAPER, touch_s: float = 0.3, **changed: float) -> np.ndarray:
         distance = changed.pop("range_m", 2e-3)
         moved = {**values, row: given | changed, reach: {"force_n": 1e-3, "range_m": distance}}
-        return np.array(active_effects([named("tilt"), reach, row], moved, collision, touch_s)[2].values)
+        return np.array(active_effects([effect_named("tilt"), reach, row], moved, collision, touch_s)[2].values)
 
     early_s = 2e-3 / PAPER.velocity_in_m_per_s  # the bodies meet when the gap is the range
     alone = row.clocked(tuple(given.values()), *PAPER.vector[:2], 0.3 + early_s)  # type: ignore[misc]
     np.testing.assert_allclose(kernel(), alone)
-    (chain,) = chain_rules([named("tilt"), reach, row], values, PAPER, 0.3)
+    (chain,) = chain_rules([effect_named("tilt"), reach, row], values, PAPER, 0.3)
     assert chain.slot == 2
     changes = {
         "touch_time_s": lambda h: kernel(touch_s=0.3 + h),
@@ -114,13 +117,20 @@ def test_a_clocked_effect_is_given_what_its_clock_says_at_the_meeting() -> None:
 
 
 def test_of_two_ranges_the_longer_tells_when_the_bodies_begin_to_act() -> None:
-    near, far = named("adhesion"), replace(named("adhesion"), name="other")
-    values: Any = {near: {"range_m": 1e-3, "force_n": 9.0}, far: {"range_m": 2e-3, "force_n": 1.0}, named("tilt"): {}}
-    for rows in ([near, far], [far, named("tilt"), near]):
-        assert acting._earlier(rows, values, PAPER) == (2e-3 / PAPER.velocity_in_m_per_s, "other.range_m")
+    near, far = effect_named("adhesion"), replace(effect_named("adhesion"), name="other")
+    values: Any = {
+        near: {"range_m": 1e-3, "force_n": 9.0},
+        far: {"range_m": 2e-3, "force_n": 1.0},
+        effect_named("tilt"): {},
+    }
+    for rows in ([near, far], [far, effect_named("tilt"), near]):
+        assert mechanical_effects._begin_of_interaction(rows, values, PAPER) == (
+            2e-3 / PAPER.velocity_in_m_per_s,
+            "other.range_m",
+        )
     values[far]["range_m"] = 1e-3  # of two alike either
-    assert acting._earlier([near, far], values, PAPER)[0] == 1e-3 / PAPER.velocity_in_m_per_s
-    assert acting._earlier([named("tilt")], values, PAPER) == (0.0, "")
+    assert mechanical_effects._begin_of_interaction([near, far], values, PAPER)[0] == 1e-3 / PAPER.velocity_in_m_per_s
+    assert mechanical_effects._begin_of_interaction([effect_named("tilt")], values, PAPER) == (0.0, "")
 
 
 def test_the_parameters_of_a_collision_have_their_limits() -> None:

@@ -21,7 +21,7 @@ _MOST_PARAMETERS = 4096  # upper limit for one effect
 
 
 @dataclass(frozen=True, slots=True)
-class Active:
+class ActiveEffect:
     """An effect with its parameter values in the row's order, or with the result of ``clocked`` for them."""
 
     effect: Effect
@@ -33,13 +33,13 @@ def direction(slot: int, place: int) -> int:
     return SLOT_PARAMETERS + _MOST_PARAMETERS * slot + place
 
 
-def _place(direction: int, begins: Sequence[int]) -> int:
+def _parameter_index(direction: int, begins: Sequence[int]) -> int:
     """Return the index in ``p`` of a direction's parameter; -1 (no parameter) stays -1."""
     slot, place = divmod(direction - SLOT_PARAMETERS, _MOST_PARAMETERS)
     return direction if direction < SLOT_PARAMETERS else begins[slot] + place
 
 
-def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int]) -> System:
+def build_system(collision: Collision, effects: Sequence[ActiveEffect], which: Sequence[int]) -> System:
     """Lay out a collision with mechanical effects, for derivatives with respect to the parameters ``which``.
 
     Each of ``which`` is an index into ``KERNEL_ORDER``, -1 for none, or the ``direction`` of an effect's parameter.
@@ -55,13 +55,13 @@ def lay_out(collision: Collision, effects: Sequence[Active], which: Sequence[int
         range_at = first + row.range_at if row.range_at >= 0 else -1
         rate_at = first + 1 if row.clocked is not None else -1
         on_plate, pair = acts is Acts.ON_PLATE, acts is Acts.IN_CONTACT
-        slots[slot] = [pair, row.hidden, row.shift, on_plate, row.rides, range_at, first, rate_at]
+        slots[slot] = [pair, row.hidden, row.shift, on_plate, row.moves_with_block, range_at, first, rate_at]
         if row.hidden:
             hidden = 2 * (slot + 1)
         begins.append(first)
         values += active.values
         first += len(active.values)
-    by = np.array([_place(one, begins) for one in which], dtype=np.int64)
+    by = np.array([_parameter_index(one, begins) for one in which], dtype=np.int64)
     p, inputs = np.array(values, dtype=np.float64), np.zeros(STATES + OUTPUTS)
     variant, numbers = int(collision.variant), 4 + hidden
     return System(p, slots, addresses, by, variant, numbers, inputs, p.astype(complex), inputs.astype(complex))
@@ -96,7 +96,7 @@ class FastestRates:
         return math.hypot(self.contact, self.every), math.hypot(self.plate, self.every), self.inside, 0.0
 
 
-def fastest_rates(collision: Collision, effects: Sequence[Active]) -> FastestRates:
+def fastest_rates(collision: Collision, effects: Sequence[ActiveEffect]) -> FastestRates:
     """Return the fastest rates of oscillation or decay of a collision with mechanical effects."""
     c = collision
     values = [np.asarray(active.values) for active in effects]
@@ -126,7 +126,7 @@ class ChainRule:
 
 def active_effects(
     rows: Sequence[Effect], values: Mapping[Effect, Mapping[str, float]], collision: Collision, touch_time_s: float
-) -> list[Active]:
+) -> list[ActiveEffect]:
     """Return those of ``rows`` that act on the motion, in order; ``values`` maps effect and parameter to a value."""
     out = []
     for row in rows:
@@ -135,9 +135,9 @@ def active_effects(
         given = tuple(values[row][p.name] for p in row.parameters)
         if row.clocked is not None:
             plate = collision.plate_stiffness_n_per_m, collision.plate_mass_kg
-            at_meeting = row.clocked(given, *plate, touch_time_s + _earlier(rows, values, collision)[0])
+            at_meeting = row.clocked(given, *plate, touch_time_s + _begin_of_interaction(rows, values, collision)[0])
             given = tuple(float(value) for value in at_meeting)
-        out.append(Active(row, given))
+        out.append(ActiveEffect(row, given))
     return out
 
 
@@ -149,7 +149,7 @@ def chain_rules(
     for slot, row in enumerate(row for row in rows if row.kernel is not None):
         if row.clocked is None:
             continue
-        earlier, reach = _earlier(rows, values, collision)
+        earlier, reach = _begin_of_interaction(rows, values, collision)
         begins = [*(values[row][p.name] for p in row.parameters), *collision.vector[:2], touch_time_s + earlier]
         steps = np.array(begins)[:, None] + 1j * _STEP * np.eye(len(begins))
         count = len(row.parameters)
@@ -179,7 +179,7 @@ def chain_matrix(chains: Sequence[ChainRule], names: Sequence[str], of_base: Map
     return np.concatenate(rows)
 
 
-def _earlier(
+def _begin_of_interaction(
     rows: Sequence[Effect], values: Mapping[Effect, Mapping[str, float]], collision: Collision
 ) -> tuple[float, str]:
     """Return when the interaction begins, in s from the touch (at most 0), and the name of the longest range."""

@@ -81,7 +81,8 @@ class Rig:
         self._deadlines, self._open, self._clock = deadlines or Deadlines(), open_digitizer, clock
         self._analyst = analyst
         self._running: _OpenSource | None = None
-        self._requests: SimpleQueue[str | None] = SimpleQueue()  # sources to open; None: end
+        # sources to open, each with the change of options for a planned shot; None: end
+        self._requests: SimpleQueue[tuple[str, Change | None] | None] = SimpleQueue()
         self._fault: tuple[str, str] | None = None
         self._since_s = clock()
         self._taken: dict[tuple[int, int], bool] = {}  # (serial, index) of shots returned -> whether the fit was due
@@ -95,8 +96,7 @@ class Rig:
         self.source = source
         self.rearm = False
         self._planned: Change | None = None
-        self._arm_opened = False
-        self._requests.put(source)
+        self._requests.put((source, None))
         self._thread.start()
 
     # commands of the operator ---------------------------------------------------------------------------------------
@@ -107,8 +107,7 @@ class Rig:
         For a ``planned`` shot it is armed at once, with options changed until the next call.
         """
         self.source = source
-        self._planned, self._arm_opened = planned, planned is not None
-        self._requests.put(source)
+        self._requests.put((source, planned))
 
     def sources(self) -> list[tuple[str, str]]:
         """Return (name, words) of each source: bench, found devices, known network addresses, replay of a recording."""
@@ -267,7 +266,7 @@ class Rig:
             self._close_running()
             if order is None:
                 return
-            self._open_source(order)
+            self._open_source(*order)
 
     def _find_devices(self) -> None:
         try:
@@ -281,10 +280,10 @@ class Rig:
         if running is not None and not running.capture.close() and running.capture.digitizer_held:
             self._problems.append(f"{running.source} did not close in time; unplug it and plug it in again before use")
 
-    def _open_source(self, source: str) -> None:
+    def _open_source(self, source: str, planned: Change | None) -> None:
         from instrument.capture import Capture  # slow to import
 
-        self._fault = None
+        self._fault, self._planned = None, planned
         try:
             digitizer = self._open(source)
             able = digitizer.capabilities
@@ -308,8 +307,7 @@ class Rig:
         settings: CaptureSettings | None = options.settings or digitizer.default_settings()
         rate = settings.sample_rate_hz if settings is not None else None
         self._running = _OpenSource(source, digitizer, capture, able.channels, able.bits, rate)
-        if self._arm_opened:
-            self._arm_opened = False
+        if planned is not None and self._requests.empty():
             self.arm()
 
     def _chosen(self, source: str, digitizer: Digitizer) -> CaptureOptions:

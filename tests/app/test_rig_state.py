@@ -1,5 +1,6 @@
 """What the window may do with its digitizer, from what the capture says; each shot is handed over once."""
 
+import threading
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -216,8 +217,35 @@ def test_a_source_that_does_not_let_go_is_said(rig, ends: bool, held: bool, said
     assert all(problem.startswith("bench?seed=1 did not close in time") for problem in problems)
 
 
-def test_a_planned_change_holds_until_a_source_is_opened(rig) -> None:
-    rig.open("absent", lambda options: f"changed {options}")
-    assert rig._chosen("absent", SimpleNamespace()) == "changed options" and rig._arm_opened
-    rig.open("absent")
-    assert rig._chosen("absent", SimpleNamespace()) == "options" and not rig._arm_opened and rig.source == "absent"
+class Opened(Capture):
+    """A capture of a source that opens at once."""
+
+    def __init__(self, digitizer: Any, options: Any, **_: Any) -> None:
+        super().__init__()
+        self.told.append(("options", options.name))
+
+    def start(self) -> None:
+        self.told.append(("start", None))
+
+
+def test_a_planned_shot_arms_its_own_source_with_its_options_once(monkeypatch) -> None:
+    """Also if it is asked for while another source is opening; the next opening is neither armed nor changed."""
+    monkeypatch.setattr("instrument.capture.Capture", Opened)
+    begun, may_open = threading.Event(), threading.Event()
+
+    def opens(source: str):
+        begun.set()
+        assert source != "slow" or may_open.wait(20.0)
+        return SimpleNamespace(capabilities=SimpleNamespace(channels=(), bits=8), default_settings=lambda: None)
+
+    given = SimpleNamespace(settings=None, name="set")
+    rig = Rig(lambda *_: given, AnalysisSettings, SimpleNamespace(), source="slow", open_digitizer=opens)
+    assert begun.wait(20.0)
+    rig.open("planned", lambda options: SimpleNamespace(settings=None, name="planned"))
+    may_open.set()
+    _until(lambda: rig.opened == "planned" and rig._running.capture.told[-1] == ("arm", False))
+    assert rig._running.capture.told[0] == ("options", "planned")
+    rig.open("next")
+    _until(lambda: rig.opened == "next")
+    assert rig._running.capture.told == [("options", "set"), ("start", None)]
+    assert rig.close()

@@ -12,12 +12,6 @@ NUISANCES: Mapping[str, Effect] = {row.name: row for row in on_block.NUISANCES} 
 # tried if the effect they widen was found
 WIDER_EFFECTS: Mapping[str, Effect] = {row.name: row for row in on_sensor.WIDER_EFFECTS}
 MAX_EFFECTS = 3
-_ON_SENSOR = tuple(
-    one
-    for row in CATALOGUE.values()
-    if row.sensor is not None
-    for one in (row, *(wider for wider in WIDER_EFFECTS.values() if wider.widens == row.name))
-)
 
 
 def without_nuisances(effects: Iterable[Effect]) -> tuple[Effect, ...]:
@@ -31,8 +25,12 @@ def sensor_effects(effects: Iterable[Effect]) -> list[Effect]:
 
     The cyclic error comes last, because it depends on the path that already includes lag and vibration.
     """
-    wanted = set(effects)
-    return [row for row in _ON_SENSOR if row in wanted]
+    wanted = {effect for effect in effects if effect.sensor is not None}
+    if not wanted:
+        return []
+    wider = [row for row in WIDER_EFFECTS.values() if row in wanted]
+    rows = [one for row in CATALOGUE.values() for one in (row, *(other for other in wider if other.widens == row.name))]
+    return [row for row in rows if row in wanted]
 
 
 def effect_named(name: str) -> Effect:

@@ -10,7 +10,7 @@ else:
     Effect = object  # the command line reads its options before the analysis is imported
 
 Value = float | str | bool | None
-MOST_LISTED = 12  # numbers in a list: a plan predicts each with every candidate
+MAX_LISTED = 12  # numbers in a list: a plan predicts each with every candidate
 _DECLARED = "setting"
 
 
@@ -67,8 +67,8 @@ class Setting:
             raise self.refused(value, "is not a list of numbers")
         if not numbers and not self.optional:
             raise ValueError(f"{self.words}: a number is missing")
-        if len(numbers) > MOST_LISTED:
-            raise ValueError(f"{self.words}: {len(numbers)} numbers, a plan can compare at most {MOST_LISTED}")
+        if len(numbers) > MAX_LISTED:
+            raise ValueError(f"{self.words}: {len(numbers)} numbers, a plan can compare at most {MAX_LISTED}")
         for number in numbers:
             if not self.low <= number <= self.high:
                 raise ValueError(f"{self.words}: {number:g} is outside {self.low:g} to {self.high:g}")

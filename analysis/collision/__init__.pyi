@@ -17,7 +17,7 @@ from .laws.arguments import ARGUMENTS, Argument
 from .laws.curve import Basis, Curve, graded_basis, visited_range
 from .laws.forms import FORMS, Form
 from .laws.functions import FUNCTIONS
-from .laws.user_law import MOST_PARAMETERS, LawError, UserLaw, known_effect, law_from_table
+from .laws.user_law import MAX_PARAMETERS, LawError, UserLaw, known_effect, law_from_table
 from .linearisation import LinearPath, linear_path
 from .mechanical_effects import (
     ActiveEffect,
@@ -38,7 +38,7 @@ __all__ = [
     "FUNCTIONS",
     "KERNEL_ORDER",
     "MAX_EFFECTS",
-    "MOST_PARAMETERS",
+    "MAX_PARAMETERS",
     "NUISANCES",
     "PAPER",
     "TOUCHING",

@@ -3,7 +3,7 @@
 from analysis.collision.matrices import TERMS
 from analysis.compiled import add_product, add_products, four_of, four_zeros, inlined, part, put_four
 
-_MOST_TERMS = 60
+_MAX_TERMS = 60
 
 
 @part
@@ -26,7 +26,7 @@ def exponential(form, room, rows, h):  # type: ignore[no-untyped-def]
                 if by[i, j, k] != 0.0:
                     depends[i, j] = 1.0
     terms = 0
-    for m in range(1, _MOST_TERMS):
+    for m in range(1, _MAX_TERMS):
         scale = h / m
         for i in range(n if wide else 0):
             for j in range(n):

@@ -17,7 +17,7 @@ from analysis.collision.system import SLOT_COLUMNS, SLOT_PARAMETERS, System
 
 _STEP = 1e-40  # size of a complex step
 _PLATE = KERNEL_ORDER[:2]  # stiffness and mass
-_MOST_PARAMETERS = 4096  # upper limit for one effect
+_MAX_PARAMETERS = 4096  # upper limit for one effect
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,12 +30,12 @@ class ActiveEffect:
 
 def direction(slot: int, place: int) -> int:
     """Return the number that requests the derivative with respect to parameter ``place`` of the effect in ``slot``."""
-    return SLOT_PARAMETERS + _MOST_PARAMETERS * slot + place
+    return SLOT_PARAMETERS + _MAX_PARAMETERS * slot + place
 
 
 def _parameter_index(direction: int, begins: Sequence[int]) -> int:
     """Return the index in ``p`` of a direction's parameter; -1 (no parameter) stays -1."""
-    slot, place = divmod(direction - SLOT_PARAMETERS, _MOST_PARAMETERS)
+    slot, place = divmod(direction - SLOT_PARAMETERS, _MAX_PARAMETERS)
     return direction if direction < SLOT_PARAMETERS else begins[slot] + place
 
 

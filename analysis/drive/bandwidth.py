@@ -10,7 +10,7 @@ from analysis.signal import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives
 
 CLEAR = 100.0  # signal-to-noise power ratio at the band edge: 1 % noise in a regressor biases its coefficient by 1 %
 BANDS_AN_OCTAVE = 4
-LEAST_FILTERS = 60.0  # least length of a record in units of 1 / bandwidth; the filter takes ten of them at each end
+MIN_FILTERS = 60.0  # least length of a record in units of 1 / bandwidth; the filter takes ten of them at each end
 _PIECES = 6  # number of segments of the record for its spectrum
 
 
@@ -28,13 +28,13 @@ def bandwidth_of(motion: Motion) -> float:
         default=(0, 0),
     )
     place, force = motion.displacement_m[start:stop], motion.force_n[start:stop]
-    if place.size < LEAST_FILTERS / MAX_BANDWIDTH_SHARE:
-        least = round(LEAST_FILTERS / MAX_BANDWIDTH_SHARE)
+    if place.size < MIN_FILTERS / MAX_BANDWIDTH_SHARE:
+        least = round(MIN_FILTERS / MAX_BANDWIDTH_SHARE)
         raise AnalysisError(f"{place.size} samples without a gap are too short to fit a slider (at least {least})")
     noise_m = float(np.nanmedian(motion.displacement_std_m))
     if float(np.ptp(place)) < 20.0 * noise_m:
         raise AnalysisError(f"displacement_m: no motion, nothing goes further than its noise of {noise_m:.2g} m")
-    widest, narrowest = MAX_BANDWIDTH_SHARE * rate, LEAST_FILTERS * rate / place.size
+    widest, narrowest = MAX_BANDWIDTH_SHARE * rate, MIN_FILTERS * rate / place.size
     clear = min(widest, max(narrowest, _clear_hz(place, rate, noise_m)))
     even = _equal_noise_hz(place, force, rate, clear, (noise_m, force_noise(motion)))
     return min(widest, max(clear, even))

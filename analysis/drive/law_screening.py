@@ -16,7 +16,7 @@ from analysis.drive.regression import DEPENDENT, ZERO_LENGTH, NonlinearValues, R
 from analysis.drive.stretch import Mask, Stretch, Table, low_pass
 from analysis.shot import Floats
 
-MOST_WAVES = 400.0  # waves along the travel of the finest ripple that is searched
+MAX_WAVES = 400.0  # waves along the travel of the finest ripple that is searched
 WAVE_STEP = 0.4
 RIPPLES = 3
 APART_FROM_FORCE = 0.1  # least share orthogonal to the force, of a law computed from it; otherwise circular
@@ -129,7 +129,7 @@ def _ripple_pitches(table: Table, mask: Mask, basis: Floats, rest: Floats) -> li
     lag = np.arange(taps.size) - taps.size // 2
     gain = np.cos(2.0 * np.pi * frequencies[:, None] / rate * lag) @ taps
     slow = float(np.quantile(speed, 0.2))
-    finest = min(MOST_WAVES, 1.5 * bandwidth * travel / slow)  # the filter removes finer waves
+    finest = min(MAX_WAVES, 1.5 * bandwidth * travel / slow)  # the filter removes finer waves
     found = []
     for wave in np.arange(1.5, finest, WAVE_STEP).tolist():
         through = np.interp(speed * wave / travel, frequencies, gain, right=0.0)

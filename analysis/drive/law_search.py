@@ -17,10 +17,10 @@ from analysis.shot import AnalysisError, Floats
 BIC_AGAINST_BASE, BIC_AGAINST_NEXT = 10.0, 6.0  # docs/how-a-diagnosis-decides.md
 PAYS = 0.02  # share by which each added law must reduce the force error of prediction
 SAME_LAW = 0.35  # relative difference of a law's force allowed between the halves of the records
-MOST_LAWS = 5
+MAX_LAWS = 5
 FOLDS = 6
 TRIED_SINGLES, TRIED_PAIRS = 3, 3  # number of screened candidates that are fitted
-MOST_ALIKE_FITTED = 2
+MAX_ALIKE_FITTED = 2
 WORTH_A_FIT = 3.0  # a look-alike is fitted if screening predicts at least the law's reduction over this
 
 
@@ -81,7 +81,7 @@ def search_laws(
 ) -> LawSearch:
     """Search for the model that predicts best; ``accepted`` laws always stay in it.  Raises Cancelled."""
     found = fit_accepted(split.table, accepted, split.kept)
-    most = MOST_LAWS + len(accepted)
+    most = MAX_LAWS + len(accepted)
     first: tuple[tuple[Trial, ...], tuple[str, ...]] | None = None
     while len(found.laws) < most:
         screened = screen_laws(split.table, found)
@@ -220,7 +220,7 @@ def look_alikes(table: Table, found: Regression, law: str) -> tuple[str, ...]:
     taken = float(fewer.residual_n @ fewer.residual_n) - float(found.residual_n @ found.residual_n)
     alike = []
     others = [name for name in LAWS if name not in (law, "position_ripple")]  # no other law resembles a ripple
-    for candidate in screen_laws(table, fewer, pairs=False, laws=others).singles[:MOST_ALIKE_FITTED]:
+    for candidate in screen_laws(table, fewer, pairs=False, laws=others).singles[:MAX_ALIKE_FITTED]:
         if candidate.gain_n2 * WORTH_A_FIT < taken:
             break
         try:

@@ -16,8 +16,8 @@ from analysis.drive.stretch import Table
 from analysis.shot import Floats
 
 ALIKE = 0.01  # difference of two passes, as a share of the displacement's spread, below which their motion is the same
-LEAST_OVERLAP = 0.25  # share of a record that a second pass must cover
-_LEAST_SAMPLES = 100
+MIN_OVERLAP = 0.25  # share of a record that a second pass must cover
+_MIN_SAMPLES = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,12 +71,12 @@ def _cycle_lag(place: Floats) -> int | None:
     from scipy.signal import correlate  # slow import (all of scipy.stats): not at every start
 
     known = np.isfinite(place)
-    if known.sum() < _LEAST_SAMPLES:
+    if known.sum() < _MIN_SAMPLES:
         return None
     spread = float(np.std(place[known]))
     filled = np.where(known, place - place[known].mean(), 0.0)
     agree = correlate(filled, filled, mode="full", method="fft")[filled.size - 1 :]
-    most = int((1.0 - LEAST_OVERLAP) * place.size)
+    most = int((1.0 - MIN_OVERLAP) * place.size)
     agree = agree[:most] / np.arange(place.size, place.size - most, -1)
     peaks = 1 + np.flatnonzero((agree[1:-1] > agree[:-2]) & (agree[1:-1] >= agree[2:]) & (agree[1:-1] > 0.5 * agree[0]))
     for peak in peaks[:50]:
@@ -84,7 +84,7 @@ def _cycle_lag(place: Floats) -> int | None:
         near = range(max(1, int(peak) - about), min(most, int(peak) + about + 1))
         lag = min(near, key=lambda k: float(np.nanstd(place[k:] - place[:-k])))
         difference = place[lag:] - place[:-lag]
-        if np.isfinite(difference).sum() > _LEAST_SAMPLES and float(np.nanstd(difference)) < ALIKE * spread:
+        if np.isfinite(difference).sum() > _MIN_SAMPLES and float(np.nanstd(difference)) < ALIKE * spread:
             return lag
     return None
 
@@ -101,7 +101,7 @@ def _record_pairs(table: Table) -> Iterator[Pass]:
         if abs(other_rate / rate - 1.0) > 1e-6:
             continue
         common, a, b = np.intersect1d(when, then, assume_unique=True, return_indices=True)
-        if common.size < max(_LEAST_SAMPLES, LEAST_OVERLAP * min(when.size, then.size)):
+        if common.size < max(_MIN_SAMPLES, MIN_OVERLAP * min(when.size, then.size)):
             continue
         a, b = first[a], second[b]
         moved = _relative_difference(table.displacement_m[a], table.displacement_m[b])

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from analysis.drive.catalogue import Law
 
 Mask = NDArray[np.bool_]
-FEWEST_SAMPLES = 200
+MIN_SAMPLES = 200
 STANDSTILL_SIGMAS = 5.0
 OVERSAMPLED = 3.0  # sample rate kept, in units of the bandwidth; further samples would only be interpolated
 LONGEST_DELAY = 0.5  # longest delay between force and motion that is searched, in 1 / bandwidth
 _KAISER = 5.65  # 60 dB
 _HALF_LENGTH = 3.0  # half length of the low-pass, in 1 / bandwidth
 _LOST = 3.0 * _HALF_LENGTH + 2.0 * LONGEST_DELAY  # lost at each end of a stretch to the filters, in 1 / bandwidth
-_MOST_CACHED = 40  # column sets of laws kept per table
+_MAX_CACHED = 40  # column sets of laws kept per table
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -112,9 +112,9 @@ def prepare(motions: Sequence[Motion]) -> tuple[Stretch, ...]:
     made = [stretch for index, motion in enumerate(motions) for stretch in _stretches_of(motion, index, bandwidth_hz)]
     count = sum(stretch.used.size for stretch in made)
     whole = sum(round(stretch.used.size * stretch.sample_rate_hz / (OVERSAMPLED * bandwidth_hz)) for stretch in made)
-    if count < 20 or whole < FEWEST_SAMPLES:
+    if count < 20 or whole < MIN_SAMPLES:
         raise AnalysisError(
-            f"some {whole} samples of motion under force are too few to fit a slider (at least {FEWEST_SAMPLES}, "
+            f"some {whole} samples of motion under force are too few to fit a slider (at least {MIN_SAMPLES}, "
             f"not counting {_LOST / bandwidth_hz:.3g} s at each end that the filter of {bandwidth_hz:.3g} Hz takes)"
         )
     return tuple(stretch for stretch in made if stretch.used.size)
@@ -209,6 +209,6 @@ class Table:
         if found is None:
             found = np.concatenate([np.stack([s.smooth(c, later_s) for c in make(s)], axis=1) for s in self.stretches])
         self._seen[name, at] = found
-        while len(self._seen) > _MOST_CACHED:
+        while len(self._seen) > _MAX_CACHED:
             self._seen.pop(next(iter(self._seen)))
         return found

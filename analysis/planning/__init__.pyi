@@ -1,7 +1,7 @@
 from .model_comparison import refit_diagnosed
 from .next_shot import (
     ADDED_KG,
-    MOST_SHOTS,
+    MAX_SHOTS,
     SPEEDS_M_PER_S,
     NextShot,
     Reach,
@@ -15,7 +15,7 @@ from .shot_log import PlannedStep, PlanningState, next_step, plan_next
 
 __all__ = [
     "ADDED_KG",
-    "MOST_SHOTS",
+    "MAX_SHOTS",
     "SPEEDS_M_PER_S",
     "NextShot",
     "PlannedStep",

@@ -16,8 +16,8 @@ if TYPE_CHECKING:  # the settings import the limits of the rig from here, and mu
 
 SPEEDS_M_PER_S = (0.05, 0.10, 0.20, 0.35, 0.60)
 ADDED_KG = (0.0, 0.05)
-MOST_SHOTS = 3  # of a plan
-MOST_MEMBERS = 4  # models that are compared
+MAX_SHOTS = 3  # of a plan
+MAX_MEMBERS = 4  # models that are compared
 _OTHER_WEIGHTS = 0.5  # effort of a change of weights, in shots
 _LONGER = 0.1  # effort of a longer record, in shots
 _SAME_MASS = 1e-5  # relative: the same block weighed twice
@@ -125,5 +125,5 @@ def first_indistinguishable(diagnosis: Diagnosis) -> tuple[Effect, ...]:
     """Return the first effect that the diagnosis could not distinguish from others, then these; () if there is none."""
     for found in diagnosis.effects:
         if found.indistinguishable_from:
-            return (found.effect, *found.indistinguishable_from[: MOST_MEMBERS - 1])
+            return (found.effect, *found.indistinguishable_from[: MAX_MEMBERS - 1])
     return ()

@@ -28,7 +28,7 @@ from analysis.planning.distances import (
 )
 from analysis.planning.model_comparison import ModelComparison
 from analysis.planning.next_shot import (
-    MOST_SHOTS,
+    MAX_SHOTS,
     NextShot,
     Reach,
     effort,
@@ -115,7 +115,7 @@ def plan(
     comparison: ModelComparison,
     reach: Reach | None = None,
     *,
-    most: int = MOST_SHOTS,
+    most: int = MAX_SHOTS,
     progress: Progress = lambda _what, _fraction: None,
     stop: Stop = lambda: False,
 ) -> Plan:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
-from analysis.planning.next_shot import MOST_SHOTS, NextShot, Reach, first_indistinguishable
+from analysis.planning.next_shot import MAX_SHOTS, NextShot, Reach, first_indistinguishable
 from analysis.shot import Motion, Progress, Stop
 
 if TYPE_CHECKING:  # these import the whole diagnosis, which a window does not need before it makes a plan
@@ -73,7 +73,7 @@ def plan_next(
     diagnosis: Diagnosis,
     steps: Sequence[PlannedStep] = (),
     *,
-    left: int = MOST_SHOTS,
+    left: int = MAX_SHOTS,
     reach: Reach | None = None,
     progress: Progress = lambda _what, _fraction: None,
     cancelled: Stop = lambda: False,
@@ -97,7 +97,7 @@ def plan_next(
         comparison = compare_models(diagnosis.fit_after, undecided_now, motions, cancelled)
     if comparison is None:
         return PlanningState(None, tuple(done))
-    further = plan(comparison, reach, most=left or MOST_SHOTS, progress=progress, stop=cancelled)
+    further = plan(comparison, reach, most=left or MAX_SHOTS, progress=progress, stop=cancelled)
     return PlanningState(further, tuple(done))
 
 

@@ -10,12 +10,12 @@ from .restricted_likelihood import (
     points_about,
     root_of,
 )
-from .site import CENTRES_HZ, CRITERIA_M_PER_S, LEAST_S, PlannedShot, SiteFloor, read_site
+from .site import CENTRES_HZ, CRITERIA_M_PER_S, MIN_S, PlannedShot, SiteFloor, read_site
 
 __all__ = [
     "CENTRES_HZ",
     "CRITERIA_M_PER_S",
-    "LEAST_S",
+    "MIN_S",
     "SLOPE_SPAN",
     "Curvature",
     "NoImpact",

@@ -16,13 +16,13 @@ from analysis.shot import Floats, Motion, VibrationLine
 
 Mask = NDArray[np.bool_]
 
-FEWEST_BINS = 4  # fewest bins of one flight, for a straight line with a residual
-FEWEST_FOR_LINES = 24  # fewest bins of both flights for a search of lines
-MOST_LINES = 8
+MIN_BINS = 4  # fewest bins of one flight, for a straight line with a residual
+MIN_FOR_LINES = 24  # fewest bins of both flights for a search of lines
+MAX_LINES = 8
 LOUD = 25.0  # power of a knock over that of the quiet part: five times its amplitude
 FADED = 4.0  # the same ratio at which a knock has ended
 WINDOW = 4  # bins over which power is averaged
-FEWEST_LEFT = 10  # bins of a flight that must remain without a knock
+MIN_LEFT = 10  # bins of a flight that must remain without a knock
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,9 +54,9 @@ def read_flights(
     10 ms, and another 10 ms per line.
     """
     bins = binned(motion, into, out)
-    if bins.into.sum() < FEWEST_BINS:
+    if bins.into.sum() < MIN_BINS:
         return None
-    if out is not None and (~bins.into).sum() < FEWEST_BINS:
+    if out is not None and (~bins.into).sum() < MIN_BINS:
         out, bins = None, select(bins, bins.into)
     zeros = (float(motion.time_s[into[1]]), float(motion.time_s[out[0]]) if out is not None else 0.0)
     knocked, whole = find_knocks(
@@ -76,8 +76,8 @@ def read_flights(
     estimate = observation.estimate_floor(design_matrix(bins, waves, polynomials), start)
     if waves:
         waves = refined(bins, observation, waves, polynomials, estimate.best)
-    if before is None and bins.time_s.size >= FEWEST_FOR_LINES:
-        while len(waves) < MOST_LINES and polynomials.shape[1] + 3 * len(waves) + 12 < bins.time_s.size:
+    if before is None and bins.time_s.size >= MIN_FOR_LINES:
+        while len(waves) < MAX_LINES and polynomials.shape[1] + 3 * len(waves) + 12 < bins.time_s.size:
             more = add_line(bins, observation, waves, polynomials, estimate)
             if more is None:
                 break
@@ -171,9 +171,9 @@ def find_knocks(rest_m: Floats, into: Mask, white_m: float) -> tuple[list[tuple[
         while stop < index.size and ringing[stop]:
             stop += 1
         start, stop = max(0, start - WINDOW), min(index.size, stop + WINDOW)
-        if start < FEWEST_LEFT and index.size - stop >= FEWEST_LEFT:
+        if start < MIN_LEFT and index.size - stop >= MIN_LEFT:
             start = 0  # the part before the knock is too short for a line
-        if index.size - (stop - start) < FEWEST_LEFT:
+        if index.size - (stop - start) < MIN_LEFT:
             kept = True
             continue
         found.append((int(index[start]), int(index[stop - 1]) + 1))

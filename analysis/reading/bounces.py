@@ -11,7 +11,7 @@ from analysis.reading.edges import Edge, edge_of_line, edges_of_short_flight
 from analysis.reading.flight import Flight, fit_flight
 from analysis.reading.floor_spectrum import FloorSpectrum
 from analysis.shot import Floats, Motion
-from analysis.signal import LEAST_NOISE_M, stretches, white_noise
+from analysis.signal import MIN_NOISE_M, stretches, white_noise
 
 SUPPORTS = (5, 7, 9, 11, 15, 21)  # possible lengths of a local parabola in samples
 FLIGHT_SIGMAS = 4.0  # force over its noise, below which the block counts as free
@@ -56,7 +56,7 @@ def find_bounces(motion: Motion, touch: Edge, release: Edge, flight_in: Flight, 
     inside = np.flatnonzero((time >= touch.time_s) & (time <= end))
     onsets, releases = [touch], list[Edge]()
     quiet = motion.displacement_m[flight_in.first : flight_in.last + 1]
-    noise = max(white_noise(np.diff(quiet[np.isfinite(quiet)], 3)), LEAST_NOISE_M)
+    noise = max(white_noise(np.diff(quiet[np.isfinite(quiet)], 3)), MIN_NOISE_M)
     disturbed = False
     if inside.size >= 2 * SUPPORTS[0] and motion.valid[inside].all():
         force, std = _local_force(motion, inside, noise)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from analysis.reading.flight import Flight
 from analysis.shot import Floats, Motion
-from analysis.signal import LEAST_NOISE_M, first_run
+from analysis.signal import MIN_NOISE_M, first_run
 
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -74,7 +74,7 @@ def edge_of_flight(
     departure = x - x[0] - np.polyval(np.polyfit(u[straight], x[straight] - x[0], bend), u)
     rest = departure[straight]
     std = float(np.sqrt(rest @ rest / (rest.size - bend - 1)))
-    std = max(std, float(np.nanmedian(motion.displacement_std_m)), LEAST_NOISE_M)
+    std = max(std, float(np.nanmedian(motion.displacement_std_m)), MIN_NOISE_M)
     omega = abs(float(np.polyfit(u[straight], x[straight] - x[0], 1)[0])) / max(depth_m, 1e-12)  # of a half-sine
     most = SHAPED_SIGMAS * std
     if into:
@@ -128,7 +128,7 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int) -> Edge
     window = np.arange(line.first if sign > 0 else line.last, until + sign, sign)
     window = window[motion.valid[window] & np.isfinite(motion.displacement_m[window])]
     departure = motion.displacement_m[window] - line.position_m(motion.time_s[window])
-    std = max(line.noise_std_m, LEAST_NOISE_M)
+    std = max(line.noise_std_m, MIN_NOISE_M)
     most = SHAPED_SIGMAS * std
     further = FURTHER * most if sign > 0 else most  # before a release the force passes its peak within that range
     found = _edge_with_error(motion, window, departure, (std, further, 0.0), sign, bend, bending=True)

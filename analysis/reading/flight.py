@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 from analysis.reading.floor_spectrum import waves_of
 from analysis.shot import Floats, Motion
-from analysis.signal import LEAST_NOISE_M, white_noise
+from analysis.signal import MIN_NOISE_M, white_noise
 
 Mask = NDArray[np.bool_]
 
 LONGEST_FLIGHT_S = 0.040  # longest flight used on each side: a longer one adds drift, not information
-FEWEST_SAMPLES = 400  # samples used in a slow record, even if that is longer
+MIN_SAMPLES = 400  # samples used in a slow record, even if that is longer
 SHORTEST_CURVED_S = 0.003  # flight below which only a straight line is fitted
 BIN_S = 0.5e-3  # shortest bin: a line of 900 Hz still passes
-MOST_BINS = 110
+MAX_BINS = 110
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +106,7 @@ def binned(motion: Motion, into: tuple[int, int], out: tuple[int, int] | None) -
     """Return bins of both flights, of equal length, counted outwards from the contact; bins with holes are left out."""
     step = 1.0 / motion.sample_rate_hz
     total = into[1] - into[0] + 1 + (out[1] - out[0] + 1 if out is not None else 0)
-    each = max(1, round(BIN_S / step), -(-total // MOST_BINS))
+    each = max(1, round(BIN_S / step), -(-total // MAX_BINS))
     pieces = []
     for first, last, backwards in ((*into, True), *(((*out, False),) if out is not None else ())):
         count = (last - first + 1) // each
@@ -128,7 +128,7 @@ def binned(motion: Motion, into: tuple[int, int], out: tuple[int, int] | None) -
     white = white_noise(third) if third.size > 30 else stated
     return Bins(
         np.concatenate(time), np.concatenate(value), np.concatenate(side), each, step,
-        max(white, LEAST_NOISE_M) / np.sqrt(each),
+        max(white, MIN_NOISE_M) / np.sqrt(each),
     )  # fmt: skip
 
 

@@ -28,7 +28,7 @@ from analysis.shot import Floats, VibrationSpectrum
 
 LOWEST = 0.35  # lowest octave centre, in units of one over the flights' whole span
 SPACING = 0.45  # spacing of the frequencies that represent the floor, in the same unit
-MOST_APART = 0.6  # its upper limit, in units of one over the time in flight
+MAX_APART = 0.6  # its upper limit, in units of one over the time in flight
 STILL_BELOW_HZ = 8.0  # frequency below which a building's velocity falls in proportion to frequency
 END_SAMPLES = 33  # samples of a stretch to which a polynomial is fitted
 SPEED_M_PER_S = 3e-6  # prior rms velocity in an octave: a good laboratory's
@@ -38,7 +38,7 @@ FAST_SPREAD = 3.0  # the same among fast octaves, where machines and the frame's
 DRAG_M_PER_S2 = 1e-3  # prior acceleration of a flight: a tilt of 0.1 mrad
 DRAG_SPREAD = 2.0
 _WHITE_SPREAD = 1e-6  # the white noise is known
-_LEAST_DRAG = 1e-4  # least std of a drag, as a fraction of the prior
+_MIN_DRAG = 1e-4  # least std of a drag, as a fraction of the prior
 _PAIRS = 10  # pairs of points of the mixture
 _ROUNDING = 1e-11
 _NOTHING = -50.0  # ln of a negligible power
@@ -71,7 +71,7 @@ def _octaves(span_s: float, flown_s: float, bin_s: float) -> Octaves:
     centre = LOWEST / span_s * 2.0 ** np.arange(max(3, round(np.log2(top * span_s / LOWEST))))
     frequency = [0.1 / span_s]
     while frequency[-1] < top:
-        frequency.append(frequency[-1] + min(max(SPACING / span_s, 0.03 * frequency[-1]), MOST_APART / flown_s))
+        frequency.append(frequency[-1] + min(max(SPACING / span_s, 0.03 * frequency[-1]), MAX_APART / flown_s))
     at = np.array(frequency)
     power = _hats(at, centre) * _density(at) * np.gradient(at)
     return Octaves(at, power, centre)
@@ -199,11 +199,11 @@ class FlightObservation:
         scale = _scale(design)
         along = self.padded(np.column_stack([self.value_m / self.white_m, design / scale]))
         for row, column in enumerate(self.drags, bins):
-            least = 0.5 * _LEAST_DRAG * DRAG_M_PER_S2 / self.white_m  # the coefficient is half the acceleration
+            least = 0.5 * _MIN_DRAG * DRAG_M_PER_S2 / self.white_m  # the coefficient is half the acceleration
             along[row, 1 + column] = 1.0 / (least * scale[column])
         factors = block_diag(self.waves.T, np.eye(known)).T  # Fortran order
         power = np.tile(self.octaves.power_m2, 2) * (SPEED_M_PER_S / self.white_m) ** 2
-        shares = block_diag(power, np.full((1, known), _LEAST_DRAG**-2))
+        shares = block_diag(power, np.full((1, known), _MIN_DRAG**-2))
         rest = np.zeros((1 + width, 1 + width))
         shot = ShotResidual(along, rest, len(along), 0.0, np.arange(width), factors, shares, _ROUNDING)
         return RestrictedLikelihood((shot,), _prior(self.octaves.centre_hz.size))

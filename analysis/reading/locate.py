@@ -29,7 +29,7 @@ FADES_ELSE = 0.05  # relative uncertainty of the extrapolation from there by a h
 SMOOTHED_ERROR = 0.01  # error of the end of a smoothed force, in smoothing widths
 HALF_SINE_ENDS = 0.2  # deviation from a half-sine's end, in smoothing widths, above which another force acts
 FREE_SHARE = 0.1  # fraction of the contact for which the force must stay small before the block counts as free
-FEWEST_SAMPLES = 32
+MIN_SAMPLES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +77,7 @@ class _Turn:
 def _filled(motion: Motion) -> Floats | None:
     """Return the displacement with holes interpolated and ends extended; None if too few samples are valid."""
     good = motion.valid & np.isfinite(motion.displacement_m)
-    if good.sum() < FEWEST_SAMPLES:
+    if good.sum() < MIN_SAMPLES:
         return None
     if good.all():
         return motion.displacement_m

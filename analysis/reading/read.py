@@ -10,7 +10,7 @@ from analysis.reading import pulse
 from analysis.reading.both_flights import Flights, read_flights
 from analysis.reading.bounces import Bounces, find_bounces
 from analysis.reading.edges import Edge, edge_of_flight
-from analysis.reading.flight import FEWEST_SAMPLES, LONGEST_FLIGHT_S, Flight
+from analysis.reading.flight import LONGEST_FLIGHT_S, MIN_SAMPLES, Flight
 from analysis.reading.locate import CollisionSpan, find_collision
 from analysis.reading.vibration_lines import without_lines
 from analysis.shot import (
@@ -165,7 +165,7 @@ def _read_flights(
     motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None, before: Flights | None = None
 ) -> Flights | None:
     """Fit the flights up to the edges, over the stretch free of other forces and at most LONGEST_FLIGHT_S."""
-    longest = max(round(LONGEST_FLIGHT_S * motion.sample_rate_hz), FEWEST_SAMPLES)
+    longest = max(round(LONGEST_FLIGHT_S * motion.sample_rate_hz), MIN_SAMPLES)
     guard = 1 + round(2.0 * touch.std_s * motion.sample_rate_hz)
     last = int(np.searchsorted(motion.time_s, touch.time_s)) - guard
     into = (max(span.flight_first, last - longest), last)

@@ -22,7 +22,7 @@ _ITERATIONS, _MOST = 20, 3.0  # most steps; largest step of a logarithm
 _ENOUGH, _LEAST = 5e-3, 1e-3  # first-order gain and actual gain of ln L by a step, below which the search ends
 _TRIES, _SHORTER = 5, 0.3  # trials of one step, and the length of each relative to the one before
 _GAIN_TOLERANCE = 0.15  # allowed deviation of actual over first-order gain from 1/2, its value for a correct curvature
-_LEAST_LEVEL = 1e-3  # least eigenvalue of a curvature: priors make it larger unless rounding interferes
+_MIN_LEVEL = 1e-3  # least eigenvalue of a curvature: priors make it larger unless rounding interferes
 
 
 @dataclass(frozen=True, slots=True)
@@ -268,7 +268,7 @@ def points_about(mean: Floats, precision: Floats, pairs: int) -> Floats:
     """Return points that sample a normal distribution, shape (2 pairs, k), in pairs symmetric about the mean."""
     level, turn = np.linalg.eigh(precision)
     # the symmetric root of the covariance: eigenvectors of nearly equal eigenvalues turn with every rounding
-    spread = turn / np.sqrt(np.maximum(level, _LEAST_LEVEL)) @ turn.T
+    spread = turn / np.sqrt(np.maximum(level, _MIN_LEVEL)) @ turn.T
     return np.asarray(mean + _normal_points(mean.size, pairs) @ spread)
 
 

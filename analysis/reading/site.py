@@ -29,11 +29,11 @@ CRITERIA_M_PER_S: Mapping[str, float] = {
 BAND_HZ = (8.0, 80.0)  # of the criteria
 CENTRES_HZ = 10 ** (np.arange(6, 27) / 10)  # of third-octaves, 4 to 400 Hz
 _OF_CRITERIA = (0.97 * BAND_HZ[0] < CENTRES_HZ) & (1.03 * BAND_HZ[1] > CENTRES_HZ)
-LEAST_S = 1.0  # shortest record: a third-octave at 8 Hz then has two bins
-_MOST_LINES = 10
+MIN_S = 1.0  # shortest record: a third-octave at 8 Hz then has two bins
+_MAX_LINES = 10
 _LINE = 25.0  # least power of a line over that of its surroundings; e^-25 by chance in each bin
 _ABOUT = 9  # bins to each side of a line that are its surroundings
-_MOST_STEPS = 160  # time steps of both flights together, for the covariance
+_MAX_STEPS = 160  # time steps of both flights together, for the covariance
 _CHANCE = 0.05  # probability that a site exactly on a criterion's curve is rated the next worse
 _HAND_LINE = 12.0  # as _LINE, at the frequencies of a hand
 _HAND_HZ = (7.0, 12.5)  # tremor of a hand that holds the block, absent in a shot
@@ -94,15 +94,15 @@ class SiteFloor:
 def read_site(velocity_m_per_s: Floats, sample_rate_hz: float, planned: PlannedShot | None = None) -> SiteFloor | None:
     """Return the floor's vibration from the velocity of a block at rest, shape (n,), without gaps.
 
-    None if it is shorter than LEAST_S or not finite.  Cost: about 5 ms for four seconds, and 3 ms per line.
+    None if it is shorter than MIN_S or not finite.  Cost: about 5 ms for four seconds, and 3 ms per line.
     """
     n = velocity_m_per_s.size
-    if n < LEAST_S * sample_rate_hz or not np.isfinite(velocity_m_per_s).all():
+    if n < MIN_S * sample_rate_hz or not np.isfinite(velocity_m_per_s).all():
         return None
     time_s = np.arange(n) / sample_rate_hz
     rest = velocity_m_per_s - np.polyval(np.polyfit(time_s, velocity_m_per_s, 1), time_s)
     waves: list[tuple[float, float]] = []  # frequency, amplitude of velocity
-    while len(waves) < _MOST_LINES:
+    while len(waves) < _MAX_LINES:
         found = _strongest_line(rest, sample_rate_hz)
         if found is None:
             break
@@ -157,7 +157,7 @@ class PlannedFlights:
     def on(cls, floor: SiteFloor, planned: PlannedShot) -> "PlannedFlights":
         """Return the flights of a planned shot on this floor.  Cost: about 2 ms."""
         span = planned.before_s + planned.contact_s + planned.after_s
-        step = max(5e-4, (planned.before_s + planned.after_s) / _MOST_STEPS)
+        step = max(5e-4, (planned.before_s + planned.after_s) / _MAX_STEPS)
         time_s = np.arange(0.5 * step, span, step)
         before, after = time_s < planned.before_s, time_s > planned.before_s + planned.contact_s
         keep = before | after

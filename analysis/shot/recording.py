@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 DEFAULT_WAVELENGTH_AIR_M = 632.8e-9  # the paper's; 30 ppm below Ciddor's for 20 degC, 101325 Pa, 50 % RH
-MOST_GAPS = 300
+MAX_GAPS = 300
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
@@ -109,14 +109,14 @@ class Recording:
 
         Once the losses exceed the stored samples, later gaps count as of unknown length: motion cannot be predicted
         over them, and a few bytes of metadata must not claim more memory than the samples.  With more than
-        ``MOST_GAPS`` all do, as the stretches between are too short to be read and each gap costs 4 ms.
+        ``MAX_GAPS`` all do, as the stretches between are too short to be read and each gap costs 4 ms.
         """
         inside = (gap for gap in self.gaps if 0 < gap.sample_start < self.samples and gap.samples_lost != 0)
         gaps, lost = [], 0
         for gap in sorted(inside, key=lambda gap: gap.sample_start):
             lost += gap.samples_lost or 0
             gaps.append(gap if lost <= self.samples else Gap(gap.sample_start))
-        return tuple(gaps) if len(gaps) <= MOST_GAPS else tuple(Gap(gap.sample_start) for gap in gaps)
+        return tuple(gaps) if len(gaps) <= MAX_GAPS else tuple(Gap(gap.sample_start) for gap in gaps)
 
     def column(self, role: Role) -> int | None:
         """Return the index of the channel with this role, or None."""

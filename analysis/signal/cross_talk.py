@@ -15,7 +15,7 @@ from analysis.shot import Floats
 from analysis.signal.survey import Survey
 
 CROSS_TALK_REMOVED, CROSS_TALK_LEFT = "cross_talk_removed", "cross_talk"  # flags
-BLOCK, MOST_BLOCKS = 1024, 256  # samples of a block, and blocks examined at most
+BLOCK, MAX_BLOCKS = 1024, 256  # samples of a block, and blocks examined at most
 REMOVED_ABOVE = 0.01  # relative to PD0's amplitude
 LEFT_ABOVE = 0.02  # relative to PD0's amplitude, after removal: the coupling is then not linear
 _BATCH = 64  # blocks of 32 KiB; with fewer the allocator maps later arrays anew: demodulation takes 20 % longer
@@ -24,7 +24,7 @@ _MIN_SEPARATION_BINS = 6.0  # frequency bins of a block by which PD1's beat must
 _MIN_BLOCKS = 8
 _FAULTY_BLOCK_RATIO = 4.0  # times the usual residual: a block with a lost sample or a flash
 _SLOW_HZ = 20e3  # largest drift of a rest beat within a shot
-_LEAST_POWER = 1e-12  # of a combination of lags, relative to the strongest: less is rounding
+_MIN_POWER = 1e-12  # of a combination of lags, relative to the strongest: less is rounding
 _AT_REST_SHARE = 0.1  # a beat is at rest if its frequency span is below this share of the other channel's
 
 
@@ -61,7 +61,7 @@ def find_cross_talk(
     clear = clear[(clear >= _MAX_LAG) & (clear + BLOCK + _MAX_LAG <= reference.size)]
     if clear.size < _MIN_BLOCKS:
         return None
-    starts = clear[np.linspace(0, clear.size - 1, min(clear.size, MOST_BLOCKS)).astype(np.int64)]
+    starts = clear[np.linspace(0, clear.size - 1, min(clear.size, MAX_BLOCKS)).astype(np.int64)]
     tone = _tone(turns)
     some = (starts[first : first + _BATCH] for first in range(0, starts.size, _BATCH))
     products = np.concatenate([_products(_blocks(reference, moving, at), tone) for at in some])
@@ -121,7 +121,7 @@ def _squares(products: Floats, weights: Floats) -> Floats:
 def _solve_taps(products: Floats) -> Floats:
     """Return the taps by least squares over all blocks; combinations of lags with negligible power get zero."""
     total = products.sum(axis=0)
-    return np.asarray(np.linalg.pinv(total[:-1, :-1], rcond=_LEAST_POWER, hermitian=True) @ total[:-1, -1])
+    return np.asarray(np.linalg.pinv(total[:-1, :-1], rcond=_MIN_POWER, hermitian=True) @ total[:-1, -1])
 
 
 def _residual_ratio(blocks: Floats, taps: Floats, amplitude: float) -> float:

@@ -28,8 +28,8 @@ JUMP_CYCLES = 0.006  # smallest jump of a block's phase
 SIDE_BLOCKS = 8  # blocks of samples on each side from which a jump is measured
 PD0_CYCLES, PD1_CYCLES = 0.003, 0.04  # three standard deviations of a measured jump (PD0: at least)
 MAX_SINGLE_SAMPLES = 64  # any loss of up to this many samples is considered ...
-PACKET, MOST_LOST = 64, 8192  # ... and larger ones in whole packets of a transfer
-MOST_LOSSES = 200
+PACKET, MAX_LOST = 64, 8192  # ... and larger ones in whole packets of a transfer
+MAX_LOSSES = 200
 CLOSE_BLOCKS = 3  # shortest blocks within which two losses are examined together
 PD1_JUMP_SIGMAS, PD1_JUMP_CYCLES = 10.0, 0.02  # least fourth difference of the moving beat's phase at a jump
 PD1_GUARD, PD1_SIDE = 256, 2048  # samples: uncertainty of a jump's place, reach of the extrapolation
@@ -83,7 +83,7 @@ def find_losses(recording: Recording, rest_hz: float, pd1_jumps: Sequence[int] =
     turns, places = _jumps(counts, turns, block)
     known = np.array([gap.sample_start for gap in recording.gaps], dtype=np.int64)
     places = _merge_clusters([at for at in places if not known.size or np.abs(known - at).min() > 2 * block])
-    if len(places) > MOST_LOSSES:
+    if len(places) > MAX_LOSSES:
         return ()
     found = []
     bounds = [0, *((one + other) // 2 for one, other in itertools.pairwise(places)), counts.size]
@@ -178,7 +178,7 @@ def _losses_near(reference: NDArray[np.int16], moving: NDArray[np.int16], near: 
 
 def _likely_loss(at: int, turns: float, jump: float, sigma: float, moved: tuple[float, float] | None) -> Gap | None:
     """Return the loss whose size explains the jumps of both beats, ``jump`` and ``moved``; None if no size does."""
-    lost = np.concatenate([np.arange(1, MAX_SINGLE_SAMPLES + 1), np.arange(2 * PACKET, MOST_LOST + 1, PACKET)])
+    lost = np.concatenate([np.arange(1, MAX_SINGLE_SAMPLES + 1), np.arange(2 * PACKET, MAX_LOST + 1, PACKET)])
     misfit = (_wrapped(lost * turns - jump) / max(PD0_CYCLES / 3.0, sigma)) ** 2
     if moved is not None:
         misfit += (_wrapped(lost * moved[0] - moved[1]) / (PD1_CYCLES / 3.0)) ** 2

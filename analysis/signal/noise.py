@@ -12,7 +12,7 @@ _FORCE_SIGMAS = 8.0  # standard deviations of acceleration above which a force a
 _FORCE_MARGIN = 100  # samples on each side of a force that are excluded
 _MIN_DIFFERENCES = 40  # second differences needed
 _SIGMA = 4.0
-LEAST_NOISE_M = 1e-15  # rounding noise of a constant displacement
+MIN_NOISE_M = 1e-15  # rounding noise of a constant displacement
 
 
 def white_noise(third: Floats) -> float:

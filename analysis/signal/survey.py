@@ -10,7 +10,7 @@ from analysis.shot import AnalysisError
 
 STRETCH_S = 40e-6
 SPACING_S = 1e-3
-_MOST_STRETCHES = 2000
+_MAX_STRETCHES = 2000
 _SATURATED = 0.9  # share of the samples at the rail: a sine clipped at a sixth of its height
 _PINNED_RATIO = 3.0  # clipped: more than this many times as many samples at the extremes as one count inside them
 _APART = 5  # bins, beyond which the window's side lobes are below a third of a percent
@@ -54,7 +54,7 @@ def survey(counts: NDArray[np.int16], sample_rate_hz: float, bits: int, what: st
     length = int(2 ** np.clip(np.round(np.log2(STRETCH_S * sample_rate_hz)), 8, 12))
     if counts.size < length:
         raise AnalysisError(f"{what}: {counts.size} samples are too short to find a beat in (at least {length})")
-    stretches = int(np.clip(counts.size / (SPACING_S * sample_rate_hz), 40, _MOST_STRETCHES))
+    stretches = int(np.clip(counts.size / (SPACING_S * sample_rate_hz), 40, _MAX_STRETCHES))
     stretches = min(stretches, max(1, counts.size // length))
     sample = np.linspace(0, counts.size - length, stretches).astype(np.int64)
     raw = np.stack([counts[s : s + length] for s in sample])

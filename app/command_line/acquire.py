@@ -13,7 +13,7 @@ from instrument.files import RecordingError
 from instrument.process import open_in_subprocess
 
 SHOT_S = 0.06  # default length: a contact of 30 ms with free flight on both sides
-LEAST_ARMING_S = 10.0  # a device may first load firmware and reconnect under another name
+MIN_ARMING_S = 10.0  # a device may first load firmware and reconnect under another name
 BEFORE_SWITCH = 0.15  # fraction of the samples recorded before the light switch
 
 
@@ -55,7 +55,7 @@ def record_shots(count: int, request: CaptureRequest) -> list[Path]:
 
 def opened(source: str, request: CaptureRequest) -> Digitizer:
     """Open a digitizer in a subprocess, with time to arm as long as requested.  Raises DigitizerError."""
-    return open_in_subprocess(source, arm_s=max(request.timeout_s, LEAST_ARMING_S))
+    return open_in_subprocess(source, arm_s=max(request.timeout_s, MIN_ARMING_S))
 
 
 def capture_settings(digitizer: Digitizer, rate_hz: float | None, samples: int | None) -> CaptureSettings | None:

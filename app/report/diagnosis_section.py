@@ -29,7 +29,7 @@ ERRORS = (
     ("reduced_chi2", "reduced χ²", ""),
 )
 _UNKNOWN = Errors(*4 * (np.nan,))
-MOST_DRAWN = 8  # most shots whose residuals are drawn
+MAX_DRAWN = 8  # most shots whose residuals are drawn
 
 
 def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: str = "") -> Markup:
@@ -131,7 +131,7 @@ def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
     if diagnosis.fit_after is diagnosis.fit_before or not before or len(before) != len(after):
         return Markup()
     plots = []
-    for number, (one, other) in enumerate(zip(before[:MOST_DRAWN], after[:MOST_DRAWN], strict=True)):
+    for number, (one, other) in enumerate(zip(before[:MAX_DRAWN], after[:MAX_DRAWN], strict=True)):
         shot = used[number] if len(used) == len(before) else None
         name = shot.name if shot is not None else f"shot {number + 1}"
         lines = []

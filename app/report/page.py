@@ -16,7 +16,7 @@ from app.report.shot_figures import figures
 from app.report.svg_plot import style_sheet
 from app.words import Markup, by_severity, flag_words, joined, table, tag
 
-MOST_DRAWN = 24  # most shots with figures; more would make the file too large for a browser
+MAX_DRAWN = 24  # most shots with figures; more would make the file too large for a browser
 NO_LOADING = "default-src 'none'; style-src 'unsafe-inline'"
 
 
@@ -54,9 +54,9 @@ def report_of(
         body.append(diagnosis_section(diagnosis, shots, next_shots))
     if prediction is not None:
         body.append(prediction_section(prediction))
-    drawn = len(shots) <= MOST_DRAWN
+    drawn = len(shots) <= MAX_DRAWN
     if not drawn:
-        said = f"Figures and budgets of single shots are left out beyond {MOST_DRAWN} shots; a report of one has them."
+        said = f"Figures and budgets of single shots are left out beyond {MAX_DRAWN} shots; a report of one has them."
         body.append(tag("p", said, class_="warning"))
     for number, shot in enumerate(shots, 1):
         others = [other for other in shots if other is not shot]

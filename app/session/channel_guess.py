@@ -14,8 +14,8 @@ from instrument.files import ForeignChannel, ForeignColumn, ForeignContents, for
 
 USED_SAMPLES = 2**22  # samples used of each channel
 PARTS, PART = 48, 4096  # number of parts searched for a beat, and their greatest length in samples
-LEAST_VARIATION = 0.02  # least relative change of frequency of a varying beat
-LEAST_LINE_POWER = 12.0  # least power of a beat's spectral line, in units of the median power
+MIN_VARIATION = 0.02  # least relative change of frequency of a varying beat
+MIN_LINE_POWER = 12.0  # least power of a beat's spectral line, in units of the median power
 
 
 class ChannelKind(StrEnum):
@@ -85,7 +85,7 @@ def _summary(channel: ForeignChannel, column: ForeignColumn) -> ChannelSummary:
     if lines.size < 3:
         return ChannelSummary(channel.name, ChannelKind.OTHER, amplitude, in_hz=rate is not None)
     low, high = float(lines.min()), float(lines.max())
-    kind = ChannelKind.MOVING if high - low > LEAST_VARIATION * float(np.median(lines)) else ChannelKind.STILL
+    kind = ChannelKind.MOVING if high - low > MIN_VARIATION * float(np.median(lines)) else ChannelKind.STILL
     return ChannelSummary(channel.name, kind, amplitude, low, high, rate is not None)
 
 
@@ -110,7 +110,7 @@ def _lines(values: Floats) -> Floats:
         power = np.abs(np.fft.rfft((part - part.mean()) * window)) ** 2
         power[:2] = 0.0
         top = int(np.argmax(power))
-        if power[top] > LEAST_LINE_POWER * float(np.median(power[2:])) and 1 < top < power.size - 1:
+        if power[top] > MIN_LINE_POWER * float(np.median(power[2:])) and 1 < top < power.size - 1:
             a, b, c = np.log(np.maximum(power[top - 1 : top + 2], 1e-300))
             shift = 0.5 * (a - c) / (a - 2 * b + c) if a - 2 * b + c < 0 else 0.0
             found.append((top + shift) / length)

@@ -14,7 +14,7 @@ from analysis.shot import Cancelled, Progress, Stop
 from app.session.entry import Entry
 from instrument.process import SubprocessWorker
 
-ESTIMATE_AFTER_S, LEAST_FRACTION = 2.0, 0.05  # least elapsed time and fraction done for an estimated remaining time
+ESTIMATE_AFTER_S, MIN_FRACTION = 2.0, 0.05  # least elapsed time and fraction done for an estimated remaining time
 PREEMPTED_KINDS = ("why",)  # kinds of low-priority jobs, which any other job cancels
 Step = Callable[[Progress, Stop], Any]
 OnResult = Callable[[Any], object]
@@ -68,7 +68,7 @@ class Job:
 
     def remaining_s(self) -> float | None:
         """Return the estimated remaining time in s; None while it is unknown."""
-        if self.started_s is None or not LEAST_FRACTION <= self.fraction < 1.0:
+        if self.started_s is None or not MIN_FRACTION <= self.fraction < 1.0:
             return None
         gone = time.monotonic() - self.started_s
         return gone * (1.0 - self.fraction) / self.fraction if gone > ESTIMATE_AFTER_S else None

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 
 _LOG = logging.getLogger("levimass")
-_MOST_BYTES = 1_000_000
+_MAX_BYTES = 1_000_000
 NAME = "levimass.log"
 
 
@@ -26,7 +26,7 @@ class ProgramLog:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._handler = RotatingFileHandler(
-                self.folder / NAME, maxBytes=_MOST_BYTES, backupCount=3, encoding="utf-8", errors="backslashreplace"
+                self.folder / NAME, maxBytes=_MAX_BYTES, backupCount=3, encoding="utf-8", errors="backslashreplace"
             )
         except OSError as error:
             self._problems.append(f"no log file is written: {error}")

@@ -6,7 +6,7 @@ from functools import partial
 
 from analysis.fitted import fit_pending
 from analysis.planning import (
-    MOST_SHOTS,
+    MAX_SHOTS,
     NextShot,
     PlannedStep,
     PlanningState,
@@ -63,7 +63,7 @@ class NextShots:
     def plan(self, found: Diagnosed, steps: Sequence[PlannedStep] = ()) -> None:
         """Queue the planning of a shot that distinguishes the candidates of a diagnosis, given earlier ``steps``."""
         motions = [shot.motion for shot in self._workbench.session.shots(found.numbers) if shot.motion is not None]
-        left = max(0, MOST_SHOTS - len(steps))
+        left = max(0, MAX_SHOTS - len(steps))
         work = partial(plan_next, motions, found.diagnosis, tuple(steps), left=left, reach=self._store.settings.reach)
         self._workbench.submit_long("next shot", work, PLAN, partial(self._take_plan, frozenset(found.numbers)))
 
@@ -120,7 +120,7 @@ class NextShots:
         return under.numbers
 
 
-_LEAST_BEFORE_SWITCH_S = 1e-3
+_MIN_BEFORE_SWITCH_S = 1e-3
 _RATE_HZ = 10e6  # used if no shot has a sample rate
 
 
@@ -131,7 +131,7 @@ def planned_record(shot: NextShot, shots: Sequence[Shot], rate_hz: float | None)
     rate_hz = rate_hz or next((one.sample_rate_hz for one in shots if one.sample_rate_hz), None) or _RATE_HZ
     samples = averaged_shots([one.motion for one in shots if one.motion is not None and one.fit is not None])
     whole_s = shot.before_s + contact_s(shot, samples) + shot.after_s
-    before_switch_s = max(shot.before_s - _switch_m(shots) / shot.speed_m_per_s, _LEAST_BEFORE_SWITCH_S)
+    before_switch_s = max(shot.before_s - _switch_m(shots) / shot.speed_m_per_s, _MIN_BEFORE_SWITCH_S)
     return CaptureSettings(rate_hz, round(rate_hz * whole_s), round(rate_hz * before_switch_s))
 
 

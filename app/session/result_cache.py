@@ -19,8 +19,8 @@ from app.session.verdict_basis import Diagnosed
 from instrument.files import RecordingError, is_foreign, read_metadata, recording_stem, write_atomic
 
 SCHEMA = "levimass.kept/2"
-MOST_BYTES = 2_000_000_000  # size of the whole cache; the oldest files are deleted first
-MOST_A_FILE = 200_000_000
+MAX_BYTES = 2_000_000_000  # size of the whole cache; the oldest files are deleted first
+MAX_A_FILE = 200_000_000
 MOTION_RECORD_SUFFIXES = (".csv", ".tsv", ".toml")  # endings of the files of a motion record
 
 
@@ -113,7 +113,7 @@ class ResultCache:
             whole = packed(
                 {"schema": SCHEMA, "version": program_version(), "program": version_and_digest(), **head}, value
             )
-            if len(whole) > MOST_A_FILE:
+            if len(whole) > MAX_A_FILE:
                 return
             self._folder.mkdir(parents=True, exist_ok=True)
             write_atomic(self._folder / name, [whole], sync=False)
@@ -124,7 +124,7 @@ class ResultCache:
     def _make_room(self) -> None:
         files = self._files("*.npz")
         sizes = {file: file.stat().st_size for file in files if file.exists()}
-        too_much = sum(sizes.values()) - MOST_BYTES
+        too_much = sum(sizes.values()) - MAX_BYTES
         for file in files:
             if too_much <= 0:
                 return

@@ -13,7 +13,7 @@ from instrument.files import CheckedTable, RecordingError, read_json, shown, wri
 
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
-MOST_DISMISSED = 10_000
+MAX_DISMISSED = 10_000
 NOT_SAVED = "the session could not be saved"  # the beginning of ``problem`` after a failed save
 
 
@@ -169,7 +169,7 @@ class Session:
     def dismiss(self, paths: Sequence[str]) -> None:
         """Do not offer these recordings at the next start."""
         kept = [path for path in self.dismissed if path not in set(paths)]
-        self.dismissed = (*kept, *dict.fromkeys(paths))[-MOST_DISMISSED:]
+        self.dismissed = (*kept, *dict.fromkeys(paths))[-MAX_DISMISSED:]
         self._save()
 
     def undo(self) -> str | None:
@@ -274,7 +274,7 @@ class Session:
             session.entries = tuple(entry_from_json(item, unknown) for item in document.objects("shots") or ())
             session._next = max((entry.number for entry in session.entries), default=0)
             session.effects = model_effects(document)
-            session.dismissed = document.names("left_out")[-MOST_DISMISSED:]
+            session.dismissed = document.names("left_out")[-MAX_DISMISSED:]
             unknown.update(document.unread())
             if unknown:
                 session.problem = f"ignored, unknown to this version: {', '.join(sorted(unknown))}"

@@ -8,7 +8,7 @@ from pathlib import Path
 from app.session.session import SCHEMA, Session
 from instrument.files import CheckedTable, FolderLock, FolderLocked, RecordingError, read_json, read_metadata
 
-MOST_WINDOWS = 20
+MAX_WINDOWS = 20
 
 
 def named_session(path: Path) -> Session:
@@ -58,7 +58,7 @@ def own_session(folder: Path) -> Session:
     """
     with contextlib.suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
-    for number in range(1, MOST_WINDOWS + 1):
+    for number in range(1, MAX_WINDOWS + 1):
         path = folder / ("session.json" if number == 1 else f"session-{number}.json")
         try:
             lock = FolderLock(folder, f".{path.name}.lock")

@@ -28,7 +28,7 @@ from levimass import (
     settings_of,
 )
 
-MOST_ADDRESSES = 5
+MAX_ADDRESSES = 5
 
 
 class WrongSettings(Exception):
@@ -137,7 +137,7 @@ class Settings(AnalysisChoices):
     def network_sources(self) -> tuple[str, ...]:
         """Get the sources of known network oscilloscopes, newest first; invalid addresses are left out."""
         sources = []
-        for text in self.network.split()[:MOST_ADDRESSES]:
+        for text in self.network.split()[:MAX_ADDRESSES]:
             with contextlib.suppress(DigitizerError):
                 sources.append(network_source(text))
         return tuple(sources)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import cast
 
 from analysis.shot import AIR, AnalysisSettings
-from app.session.settings import MOST_ADDRESSES, Settings, WrongSettings
+from app.session.settings import MAX_ADDRESSES, Settings, WrongSettings
 from instrument.devices import source_of
 from instrument.files import RecordingError, copy_permissions, one_line, read_json, replace_file, shown, sync_folder
 from levimass import Value
@@ -85,7 +85,7 @@ def _set_aside(path: Path) -> None:
         return  # the next start reports the file again
 
 
-MOST_RECENT = 12
+MAX_RECENT = 12
 RIG = (  # groups of settings that are corrected together
     ("moving_mass_kg", "moving_mass_u_kg"),
     ("wavelength_vacuum_m", "wavelength_air_m", *AIR),
@@ -119,7 +119,7 @@ class SettingsStore:
     def remember_network(self, source: str) -> None:
         """Add a network oscilloscope to the known sources."""
         known = (source, *(other for other in self.settings.network_sources if other != source))
-        self.change({"network": " ".join(known[:MOST_ADDRESSES])})
+        self.change({"network": " ".join(known[:MAX_ADDRESSES])})
 
     @property
     def recent(self) -> list[Path]:
@@ -134,10 +134,10 @@ class SettingsStore:
 
     def remember_recent(self, paths: Sequence[Path]) -> None:
         """Add these to the recently opened files."""
-        newest = [str(path.absolute()) for path in paths[:MOST_RECENT]]
+        newest = [str(path.absolute()) for path in paths[:MAX_RECENT]]
         older = [str(path) for path in self.recent if str(path) not in newest]
         kept = [line for line in (*newest, *older) if "\n" not in line]
-        self.change({"recent": "\n".join(kept[:MOST_RECENT])})
+        self.change({"recent": "\n".join(kept[:MAX_RECENT])})
 
     @property
     def start_folder(self) -> Path:

@@ -17,7 +17,7 @@ import numpy as np
 from app.session.result_archive import NotStorable, rebuild, split
 
 PIECE_BYTES = 16 * 2**20  # size of one file, whose disk space is freed once no array refers to it
-LEAST_BYTES = 4096  # smaller arrays stay in memory
+MIN_BYTES = 4096  # smaller arrays stay in memory
 RELEASE_EVERY_S = 5.0
 _ALIGNED = 64
 Result = TypeVar("Result")
@@ -36,11 +36,11 @@ class Spool:
         """Return the same shot or diagnosis with its large arrays, now read-only, mapped from a file."""
         try:
             body, arrays = split(result)
-            large = [array for array in arrays if array.nbytes >= LEAST_BYTES]
+            large = [array for array in arrays if array.nbytes >= MIN_BYTES]
             places = iter(self._written(large))
         except (NotStorable, OSError, ValueError):
             return result
-        return cast(Result, rebuild(body, [next(places) if a.nbytes >= LEAST_BYTES else a for a in arrays]))
+        return cast(Result, rebuild(body, [next(places) if a.nbytes >= MIN_BYTES else a for a in arrays]))
 
     def _written(self, arrays: list[np.ndarray]) -> list[np.ndarray]:
         sizes = [-(-array.nbytes // _ALIGNED) * _ALIGNED for array in arrays]

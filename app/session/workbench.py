@@ -31,7 +31,7 @@ from instrument.capture import STOPPED
 from instrument.files import RecordingError, find_recordings, rewrite_note
 from instrument.process import SubprocessWorker
 
-MOST_NAMED = 6  # most shots listed in the name of a running diagnosis
+MAX_NAMED = 6  # most shots listed in the name of a running diagnosis
 SAVE_AGAIN_S = 5.0  # interval between attempts to save a session that could not be saved
 
 
@@ -247,8 +247,8 @@ class Workbench:
         accepted = self.session.effects.of(shots[0].settings.model)
         seconds = self._settings().diagnosis_seconds  # the present setting, not the one stored with the shots
         judging = partial(diagnose_shots, shots, accepted, laws, seconds)
-        which = ", ".join(str(number) for number in ids[:MOST_NAMED])
-        more = f" and {len(ids) - MOST_NAMED} more" if len(ids) > MOST_NAMED else ""
+        which = ", ".join(str(number) for number in ids[:MAX_NAMED])
+        more = f" and {len(ids) - MAX_NAMED} more" if len(ids) > MAX_NAMED else ""
         name = f"diagnosis of shot{'s' if len(ids) > 1 else ''} {which}{more}"
         self.submit_long(name, judging, "diagnosis", partial(self._take_diagnosis, ids))
         return None

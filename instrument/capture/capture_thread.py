@@ -20,7 +20,7 @@ from instrument.devices import Digitizer, DigitizerError, usual_settings
 from instrument.files import FolderLock, RecordingError, disk_free_bytes, one_line
 from instrument.live import Overwritten
 
-MOST_UNSAVED = 4  # shots that are only in memory; no further shot is taken until one is saved
+MAX_UNSAVED = 4  # shots that are only in memory; no further shot is taken until one is saved
 _DISK_RESERVE_BYTES = 64 * 2**20
 _ORDERS_S = 0.02
 
@@ -171,7 +171,7 @@ class CaptureThread:
 
     def _start(self) -> None:
         self._fire = False
-        if len(self.finished.unsaved) >= MOST_UNSAVED:
+        if len(self.finished.unsaved) >= MAX_UNSAVED:
             raise DigitizerError(f"{len(self.finished.unsaved)} shots are only in memory", "save them first")
         settings = self.options.settings or usual_settings(self._digitizer)
         check_settings(settings, len(self._digitizer.capabilities.channels))

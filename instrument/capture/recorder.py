@@ -25,7 +25,7 @@ from instrument.files import (
 from instrument.trigger import middle_of_step
 
 _LOOK_S = 0.02  # between two checks for new samples
-_MOST_NAMES = 100_000
+_MAX_NAMES = 100_000
 _LEVEL_REACH_S = 50e-6  # distance from the step at which the light switch's two levels are measured
 _ENOUGH = 0.9  # share of the samples after the trigger below which a shot counts as cut short
 
@@ -199,7 +199,7 @@ class Recorder:
 
     def _open(self, shot: GrowingShot, folder: Path) -> RecordingWriter:
         number = self._numbers.get(folder) or _highest_number(folder)
-        for _ in range(_MOST_NAMES):
+        for _ in range(_MAX_NAMES):
             number += 1
             self._numbers[folder] = number
             try:
@@ -227,7 +227,7 @@ def _highest_number(folder: Path) -> int:
 
 def save_elsewhere(recording: Recording, folder: Path) -> Path:
     """Write a recording that is only in memory to ``folder`` under a free name.  Raises RecordingError."""
-    for number in range(1, _MOST_NAMES):
+    for number in range(1, _MAX_NAMES):
         name = recording.name if number == 1 else f"{recording.name}-{number}"
         try:
             return write_recording(recording, folder / name)

@@ -17,8 +17,8 @@ READ_TIMEOUT_S = 0.05
 STALL_S = 3.0  # without a sample, after which a running device counts as stopped
 TRIGGER_SPEED_M_PER_S = 0.05  # of the block, for the trigger without a light switch
 _RING_S = 0.5  # of the stream that the ring holds, for slow readers
-_MOST_RING_BYTES = 512 * 2**20
-_MOST_SHOT_BYTES = 2 * 2**30
+_MAX_RING_BYTES = 512 * 2**20
+_MAX_SHOT_BYTES = 2 * 2**30
 
 
 @dataclass(frozen=True, slots=True)
@@ -206,7 +206,7 @@ class StreamReader:
     def _ring_for(self, settings: CaptureSettings, channels: int) -> Ring:
         """Return the last stream's ring if its size suits these settings, else a new one."""
         lag = max(round(_RING_S * settings.sample_rate_hz), 12 * self._block)
-        most = max(_MOST_RING_BYTES // (2 * channels), settings.pre_trigger_samples + 8 * self._block)
+        most = max(_MAX_RING_BYTES // (2 * channels), settings.pre_trigger_samples + 8 * self._block)
         blocks = -(-min(settings.pre_trigger_samples + lag, most) // self._block)
         capacity = blocks * self._block
         ring = self.stream.ring if self.stream is not None else None
@@ -225,10 +225,10 @@ def check_settings(settings: CaptureSettings, channels: int) -> None:
             f"a shot of {settings.samples} samples, {settings.pre_trigger_samples} of them before the trigger",
             "correct the lengths",
         )
-    if 2 * channels * settings.samples > _MOST_SHOT_BYTES:
+    if 2 * channels * settings.samples > _MAX_SHOT_BYTES:
         raise DigitizerError(
             f"a shot of {settings.samples} samples in {channels} channels takes more than "
-            f"{_MOST_SHOT_BYTES // 2**30} GiB of memory",
+            f"{_MAX_SHOT_BYTES // 2**30} GiB of memory",
             "choose a shorter shot or a lower rate",
         )
 

@@ -148,7 +148,7 @@ class ByteClock:
 
 
 _FREQUENCY_SAMPLES = 1 << 14
-_LEAST_STEP_RAD = 0.12
+_MIN_STEP_RAD = 0.12
 _SIGMAS = 10.0
 _COHERENT = 0.25  # least share of a packet's power in the beat for its phase to be tested
 
@@ -203,7 +203,7 @@ class PacketLossFinder:
         judged = coherent[:-2] & coherent[1:-1] & coherent[2:]
         if self._sigma == 0.0 and np.count_nonzero(judged) >= 16:
             self._sigma = 1.4826 * float(np.median(np.abs(bend[judged])))
-        limit = max(_LEAST_STEP_RAD, _SIGMAS * self._sigma)
+        limit = max(_MIN_STEP_RAD, _SIGMAS * self._sigma)
         seams, reaches_end = _steps(bend, judged, limit) if self._sigma else ([], False)
         if reaches_end:
             self.forget()

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from instrument.files.foreign_file import (
-    MOST_SAMPLES,
+    MAX_SAMPLES,
     ForeignChannel,
     ForeignColumn,
     ForeignContents,
@@ -74,8 +74,8 @@ def columns(path: Path, names: Sequence[str], timed: bool) -> list[ForeignColumn
     with _text(path) as file:
         for block in _blocks(path, file, layout, read, _ROWS):
             rows += block.shape[0]
-            if rows > MOST_SAMPLES:
-                raise RecordingError(path, f"more than {MOST_SAMPLES} rows")
+            if rows > MAX_SAMPLES:
+                raise RecordingError(path, f"more than {MAX_SAMPLES} rows")
             parts.append(block)
     if rows < 2:
         raise RecordingError(path, f"{rows} rows of numbers, at least 2 are needed")

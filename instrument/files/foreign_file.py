@@ -18,8 +18,8 @@ from instrument.files.recording_metadata import RATES_HZ, setup_json, setup_of
 from instrument.files.text_file import CheckedTable, read_toml
 
 Column: TypeAlias = NDArray[np.integer[Any]] | NDArray[np.floating[Any]]
-MOST_SAMPLES = 2**26  # per channel: two seconds at 30 MS/s; a longer file is not a shot
-MOST_CHANNELS = 256
+MAX_SAMPLES = 2**26  # per channel: two seconds at 30 MS/s; a longer file is not a shot
+MAX_CHANNELS = 256
 LARGEST_FILE_BYTES = 4 * 2**30
 
 
@@ -64,14 +64,14 @@ class ForeignColumn:
 
 
 def checked_channels(path: Path, channels: Sequence[ForeignChannel]) -> tuple[ForeignChannel, ...]:
-    """Return at most ``MOST_CHANNELS`` of the channels.  Raises RecordingError if there is none or one is too long."""
+    """Return at most ``MAX_CHANNELS`` of the channels.  Raises RecordingError if there is none or one is too long."""
     if not channels:
         raise RecordingError(path, "holds no channel of numbers")
     for channel in channels:
-        if channel.samples > MOST_SAMPLES:
-            cause = f"{channel.samples} samples, more than {MOST_SAMPLES}"
+        if channel.samples > MAX_SAMPLES:
+            cause = f"{channel.samples} samples, more than {MAX_SAMPLES}"
             raise RecordingError(path, cause, channel.name)
-    return tuple(channels[:MOST_CHANNELS])
+    return tuple(channels[:MAX_CHANNELS])
 
 
 def missing_package(path: Path, package: str, extra: str) -> RecordingError:

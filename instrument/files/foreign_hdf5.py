@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from instrument.files.foreign_file import (
-    MOST_CHANNELS,
+    MAX_CHANNELS,
     ForeignChannel,
     ForeignColumn,
     ForeignContents,
@@ -20,7 +20,7 @@ from instrument.files.recording_error import RecordingError, one_line
 _RATES = ("sample_rate_hz", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "fs", "rate_hz", "rate")
 _STEPS = ("dt", "wf_increment", "time_step", "sample_interval", "increment", "delta_t")
 _LARGEST_CHUNK_BYTES = 256 * 2**20  # largest chunk that the library may decompress at once
-_MOST_COMPRESSED = 4000  # largest accepted compression ratio; zlib reaches 1032 on zeros
+_MAX_COMPRESSED = 4000  # largest accepted compression ratio; zlib reaches 1032 on zeros
 _WIDEST = 64  # most columns of a table
 
 
@@ -30,7 +30,7 @@ def contents(path: Path) -> ForeignContents:
         found: list[ForeignChannel] = []
 
         def look(name: str, item: Any) -> bool | None:
-            if len(found) >= MOST_CHANNELS:
+            if len(found) >= MAX_CHANNELS:
                 return True
             shape = getattr(item, "shape", None)
             if not shape or len(shape) > 2 or item.dtype.kind not in "iuf" or item.dtype.itemsize > 8:
@@ -61,7 +61,7 @@ def _column(path: Path, file: Any, name: str) -> ForeignColumn:
     if item.external or item.is_virtual:
         raise RecordingError(path, "its samples lie in other files; only what is inside is read", name)
     claimed = math.prod(item.shape) * item.dtype.itemsize
-    if claimed > _MOST_COMPRESSED * item.id.get_storage_size():
+    if claimed > _MAX_COMPRESSED * item.id.get_storage_size():
         raise RecordingError(path, "claims more samples than the file holds", name)
     if item.chunks is not None and math.prod(item.chunks) * item.dtype.itemsize > _LARGEST_CHUNK_BYTES:
         raise RecordingError(path, "stored in pieces too large to unpack", name)

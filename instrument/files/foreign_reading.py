@@ -15,7 +15,7 @@ from instrument.files import csv_table, foreign_hdf5, foreign_tdms
 from instrument.files.foreign_file import (
     FORMATS,
     LARGEST_FILE_BYTES,
-    MOST_SAMPLES,
+    MAX_SAMPLES,
     Column,
     ForeignChannel,
     ForeignColumn,
@@ -102,7 +102,7 @@ def read_foreign(path: Path | str, mapping: ForeignMapping) -> Recording:
     else:
         columns = _call_reader(path, _COLUMNS[kind], path, names)
     samples = min(column.values.size for column in columns)
-    if not 2 <= samples <= MOST_SAMPLES:
+    if not 2 <= samples <= MAX_SAMPLES:
         raise RecordingError(path, f"{samples} samples, at least 2 are needed" if samples < 2 else "too many samples")
     rate = mapping.sample_rate_hz or _rate(path, mapping, columns)
     counts = np.empty((samples, len(columns)), np.int16)

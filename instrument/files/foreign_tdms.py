@@ -18,7 +18,7 @@ from instrument.files.foreign_file import (
 )
 from instrument.files.recording_error import RecordingError, one_line
 
-_MOST_SCALES = 64  # limit, as the library allocates a list of the length stated in the file
+_MAX_SCALES = 64  # limit, as the library allocates a list of the length stated in the file
 _TRUNCATION_LOGGERS = {"nptdms.reader", "nptdms.tdms_segment"}  # they report truncated segments
 
 
@@ -66,8 +66,8 @@ def _channels(path: Path, file: Any) -> dict[str, Any]:
     found = {}
     for group in file.groups():
         for channel in group.channels():
-            if any(_scales(part.properties) > _MOST_SCALES for part in (channel, group, file)):
-                raise RecordingError(path, f"more than {_MOST_SCALES} scales", channel.name)
+            if any(_scales(part.properties) > _MAX_SCALES for part in (channel, group, file)):
+                raise RecordingError(path, f"more than {_MAX_SCALES} scales", channel.name)
             dtype = channel.dtype
             if dtype is None or dtype.kind not in "iuf" or len(channel) < 2:
                 continue

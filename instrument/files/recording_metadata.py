@@ -13,8 +13,8 @@ SIGMF_VERSION = "1.2.5"
 _EXTENSION = {"name": "lmm", "version": "1.0.0", "optional": True}
 RATES_HZ = 1e-3, 1e12  # accepted range: wider than any rig's, and safe in every formula
 MASSES_KG = 1e-9, 1e6
-_MOST_CHANNELS = 64
-_MOST_SAMPLES = 2**53
+_MAX_CHANNELS = 64
+_MAX_SAMPLES = 2**53
 _LONGEST_NOTE = 1_000_000
 _PLATE = ("arm_length_m", "arm_width_m", "thickness_m", "disc_diameter_m", "density_kg_m3", "youngs_modulus_pa")
 
@@ -57,8 +57,8 @@ def read_metadata(path: Path) -> Metadata:
     dataset = head.text("core:dataset")
     if dataset is not None and dataset != f"{path.name.removesuffix('.sigmf-meta')}.sigmf-data":
         raise head.error_for("core:dataset", "names another file; samples are read only from the file of the same name")
-    trigger = head.whole("lmm:trigger_sample", 0, _MOST_SAMPLES)
-    declared = head.whole("lmm:samples", 0, _MOST_SAMPLES)
+    trigger = head.whole("lmm:trigger_sample", 0, _MAX_SAMPLES)
+    declared = head.whole("lmm:samples", 0, _MAX_SAMPLES)
     sha512 = head.text("core:sha512")
     started_at, capture_extra = _captures(whole)
     gaps, note, annotation_extra, ends, note_samples = _annotations(whole)
@@ -84,9 +84,9 @@ def _channels(head: CheckedTable) -> tuple[tuple[Channel, ...], list[dict[str, A
     listed = head.objects("lmm:channels")
     if not listed:
         raise head.error_for("lmm:channels", "missing" if listed is None else "empty")
-    if len(listed) > _MOST_CHANNELS:
-        raise head.error_for("lmm:channels", f"more than {_MOST_CHANNELS} channels")
-    count = head.whole("core:num_channels", 1, _MOST_CHANNELS)
+    if len(listed) > _MAX_CHANNELS:
+        raise head.error_for("lmm:channels", f"more than {_MAX_CHANNELS} channels")
+    count = head.whole("core:num_channels", 1, _MAX_CHANNELS)
     if count is not None and count != len(listed):
         raise head.error_for("core:num_channels", f"{count}, but lmm:channels lists {len(listed)}")
     channels: list[Channel] = []
@@ -142,9 +142,9 @@ def _captures(whole: CheckedTable) -> tuple[str | None, list[dict[str, Any]]]:
     if not segments:
         return None, []
     first = segments[0]
-    first.whole("core:sample_start", 0, _MOST_SAMPLES)
+    first.whole("core:sample_start", 0, _MAX_SAMPLES)
     started_at = first.text("core:datetime")
-    if first.number("core:header_bytes", 0, _MOST_SAMPLES):
+    if first.number("core:header_bytes", 0, _MAX_SAMPLES):
         raise first.error_for("core:header_bytes", "only data files that hold nothing but samples can be read")
     foreign = [first.unread(), *(dict(segment.values) for segment in segments[1:])]
     return started_at, foreign if any(foreign) else []
@@ -159,13 +159,13 @@ def _annotations(whole: CheckedTable) -> tuple[tuple[Gap, ...], str, list[dict[s
     note_samples: int | None = None
     for item in whole.objects("annotations") or []:
         label = item.get("core:label")
-        start = item.whole("core:sample_start", 0, _MOST_SAMPLES)
-        count = item.whole("core:sample_count", 0, _MOST_SAMPLES)
+        start = item.whole("core:sample_start", 0, _MAX_SAMPLES)
+        count = item.whole("core:sample_count", 0, _MAX_SAMPLES)
         ends.append((start or 0) + (count or 0))
         if label == "gap":
             if start is None:
                 raise item.error_for("core:sample_start", "missing on a gap")
-            gaps.append(Gap(start, item.whole("lmm:samples_lost", 0, _MOST_SAMPLES)))
+            gaps.append(Gap(start, item.whole("lmm:samples_lost", 0, _MAX_SAMPLES)))
         elif label == "note":
             if comment := item.text("core:comment", _LONGEST_NOTE):
                 notes.append(comment)

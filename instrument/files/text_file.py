@@ -21,8 +21,8 @@ from levimass import setting_of
 
 LARGEST_JSON_BYTES = 16 * 2**20
 LARGEST_TOML_BYTES = 2**20  # smaller than for JSON, as the TOML parser is a thousand times slower
-MOST_VALUES = 400_000  # values in one file: these take less than 0.3 GB of memory
-_MOST_PARTS = 200  # parts of a dotted TOML name; parsing time grows with the square of their number
+MAX_VALUES = 400_000  # values in one file: these take less than 0.3 GB of memory
+_MAX_PARTS = 200  # parts of a dotted TOML name; parsing time grows with the square of their number
 _BETWEEN_NAMES = re.compile(r"[,=\n\[\]{}#]")
 _LARGEST = 1e15  # bound of a number in a dataclass field without declared bounds
 
@@ -83,14 +83,14 @@ def read_toml(path: Path, largest_bytes: int = LARGEST_TOML_BYTES) -> dict[str, 
 def read_toml_text(path: Path, largest_bytes: int = LARGEST_TOML_BYTES) -> str:
     """Return the text of a TOML file if it can be parsed in bounded time.  Raises RecordingError."""
     text = read_text(path, largest_bytes)
-    if max(part.count(".") for part in _BETWEEN_NAMES.split(text)) > _MOST_PARTS:
-        raise RecordingError(path, f"not TOML that can be read (a name of more than {_MOST_PARTS} parts)")
+    if max(part.count(".") for part in _BETWEEN_NAMES.split(text)) > _MAX_PARTS:
+        raise RecordingError(path, f"not TOML that can be read (a name of more than {_MAX_PARTS} parts)")
     return text
 
 
 def _parsed(path: Path, text: str, what: str, parse: Callable[[str], Value]) -> Value:
-    if sum(map(text.count, ",[{")) > MOST_VALUES:
-        raise RecordingError(path, f"more than {MOST_VALUES} values")
+    if sum(map(text.count, ",[{")) > MAX_VALUES:
+        raise RecordingError(path, f"more than {MAX_VALUES} values")
     try:
         return parse(text)
     except RecursionError:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.reading import LEAST_S, PlannedShot, SiteFloor, read_site
+from analysis.reading import MIN_S, PlannedShot, SiteFloor, read_site
 from analysis.shot import AnalysisError, Role, Setup
 from analysis.signal import LiveChunk, LiveDemodulator
 from instrument.devices import CaptureSettings
@@ -221,7 +221,7 @@ class RestWatch:
             means = means[moved[-1] + 1 :]
         self._due -= means.size
         self._kept = np.concatenate((self._kept, means))[-round(KEPT_S * self._rate_hz) :]
-        if self._due <= 0 and self._kept.size >= LEAST_S * self._rate_hz:
+        if self._due <= 0 and self._kept.size >= MIN_S * self._rate_hz:
             self._due = min(round(EVERY_S * self._rate_hz), self._kept.size)
             self.floor = read_site(self._kept, self._rate_hz, self._planned)
 

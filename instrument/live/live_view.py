@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from analysis.signal import LiveChunk  # slow to import
 
 
-MOST_BINS = 1000
+MAX_BINS = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class LiveView:
     """A sliding window of the running stream; arrays are read-only.
 
     The three curves share ``time_s`` and hold the least and the greatest value of each bin in turn: shape (2 k,), k at
-    most ``MOST_BINS``; a NaN marks a gap.  ``raw_v`` are the newest samples in V, shape (n, channels), at
+    most ``MAX_BINS``; a NaN marks a gap.  ``raw_v`` are the newest samples in V, shape (n, channels), at
     ``raw_time_s``.
     """
 
@@ -59,7 +59,7 @@ class LiveWindow:
 
     def __init__(self, length: int) -> None:
         self.length = length
-        self.bin_points = -(-length // MOST_BINS)
+        self.bin_points = -(-length // MAX_BINS)
         self.clear()
 
     def clear(self) -> None:

@@ -100,7 +100,7 @@ class Stream:
         self.losses += 1
 
 
-LEAST_S = 1.0  # of stream before the rate is judged
+MIN_S = 1.0  # of stream before the rate is judged
 LATE_S = 0.3  # deviation in time allowed to a device and its driver
 RATE_TOLERANCE = 5e-4  # relative; larger than the errors of any crystal and of the computer's clock
 
@@ -127,7 +127,7 @@ class DeliveredRate:
             return
         self._samples += samples + lost
         passed_s = now_s - self._begun_s
-        if waits or passed_s < LEAST_S:
+        if waits or passed_s < MIN_S:
             return
         off_s = abs(self._samples / self.stated_hz - passed_s)
         self.doubtful_hz = self._samples / passed_s if off_s > LATE_S + RATE_TOLERANCE * passed_s else None

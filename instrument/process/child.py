@@ -71,8 +71,8 @@ class BlockReady:
 
 
 # how many announced blocks may be unread: the capacity of the pipe, on Linux 64 KiB, on macOS 16, on Windows 8
-MOST_BLOCKS_LINUX, MOST_BLOCKS_ELSEWHERE = 200, 40
-MOST_BLOCKS = MOST_BLOCKS_LINUX if sys.platform == "linux" else MOST_BLOCKS_ELSEWHERE
+MAX_BLOCKS_LINUX, MAX_BLOCKS_ELSEWHERE = 200, 40
+MAX_BLOCKS = MAX_BLOCKS_LINUX if sys.platform == "linux" else MAX_BLOCKS_ELSEWHERE
 
 
 def serve(opener: Opener, orders: Connection, answers: Connection) -> None:
@@ -189,7 +189,7 @@ class _Child:
         assert ring is not None and run is not None
         ring.beat()
         view = ring.view(self._at, self._length)
-        if ring.room(self._at) < view.shape[0] or self._blocks - ring.blocks_read >= MOST_BLOCKS:
+        if ring.room(self._at) < view.shape[0] or self._blocks - ring.blocks_read >= MAX_BLOCKS:
             # the parent lags by a whole ring: the device's own memory fills, and the device reports its losses,
             # as for any slow reader
             time.sleep(_RING_FULL_S)

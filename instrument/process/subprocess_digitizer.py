@@ -30,8 +30,8 @@ from instrument.process.shared_ring import SharedRing
 
 RING_S = 1.5  # of the stream that the ring holds, for a slow parent
 SIMULATED_RING_S = 0.5  # the same for a simulated device, which waits and loses nothing
-MOST_RING_BYTES = 320 * 2**20
-MOST_TRANSFER_BYTES = 32 * 2**20  # ring of a device that keeps the shot until it is read
+MAX_RING_BYTES = 320 * 2**20
+MAX_TRANSFER_BYTES = 32 * 2**20  # ring of a device that keeps the shot until it is read
 ANSWER_S = 5.0  # a driver that blocks the child for longer does not answer
 SIMULATED_ANSWER_S = 60.0  # the same for a simulated device, which a busy computer delays
 ARM_S = 60.0  # to open or arm a device: firmware may have to be loaded
@@ -152,7 +152,7 @@ class SubprocessDigitizer(Digitizer):
         able = self.capabilities
         channels = len(able.channels)
         block = block_samples(settings.sample_rate_hz)
-        most = (MOST_RING_BYTES if able.real_time else MOST_TRANSFER_BYTES) // (2 * channels)
+        most = (MAX_RING_BYTES if able.real_time else MAX_TRANSFER_BYTES) // (2 * channels)
         lag_s = SIMULATED_RING_S if able.simulated else RING_S
         blocks = max(4, min(round(lag_s * settings.sample_rate_hz), most) // block)
         present = self._ring

@@ -17,7 +17,7 @@ from PySide6.QtWidgets import QApplication, QScrollArea
 Role = QAccessible.Role
 NO_KEYS = Qt.KeyboardModifier.NoModifier
 LONGEST_S = 60.0
-_MOST_TABS = 80  # to something that lies further down in a sheet
+_MAX_TABS = 80  # to something that lies further down in a sheet
 _HAND_MS = 60  # between two movements of a quick hand
 
 
@@ -104,7 +104,7 @@ class Person:
 
     def click(self, name: str, role: Role | None = None, keys: Qt.KeyboardModifier = NO_KEYS) -> None:
         """Press the left button in the middle of the thing of this name; one out of view is gone to by Tab first."""
-        for _ in range(_MOST_TABS):
+        for _ in range(_MAX_TABS):
             thing = self.see(name, role)
             if thing.in_view:
                 break

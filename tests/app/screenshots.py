@@ -23,7 +23,7 @@ from instrument.devices.digitizer import Digitizer, DigitizerError
 from tests.app.on_screen import check_lines, read_entries
 
 SIZE = (1480, 920)
-MOST_BYTES = 300_000
+MAX_BYTES = 300_000
 LONGEST_S = 900.0  # a diagnosis on a busy machine
 
 
@@ -87,7 +87,7 @@ class Photographer:
         picture = (of or self.window).grab().toImage()
         if not picture.save(str(path), quality=0):  # packed as tightly as PNG can
             raise ScreenshotError(f"{path}: could not be written")
-        if path.stat().st_size > MOST_BYTES:  # a spectrogram's noise: five bits a colour do
+        if path.stat().st_size > MAX_BYTES:  # a spectrogram's noise: five bits a colour do
             picture.convertToFormat(QImage.Format.Format_RGB555).save(str(path), quality=0)
         print(path)
 

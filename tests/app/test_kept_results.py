@@ -119,7 +119,7 @@ def test_what_was_altered_is_not_taken_for_the_same(tmp_path, saved, monkeypatch
     file.write_bytes(whole)
     Path(saved.path).write_text("time_s,displacement_m\n0,0\n")
     assert kept.shot(key) is None
-    monkeypatch.setattr(result_cache, "MOST_BYTES", 1)
+    monkeypatch.setattr(result_cache, "MAX_BYTES", 1)
     kept.store_shot(saved)
     assert list((tmp_path / "kept").iterdir()) == []
 
@@ -138,7 +138,7 @@ def test_the_oldest_results_make_room_and_no_more_of_them_than_must(tmp_path, sa
         os.utime(made, (1e9 + index, 1e9 + index))
     by_age = sorted(folder.iterdir(), key=lambda file: file.stat().st_mtime)
     sizes = [file.stat().st_size for file in by_age]
-    monkeypatch.setattr(result_cache, "MOST_BYTES", sum(sizes[1:]) + spare_bytes)
+    monkeypatch.setattr(result_cache, "MAX_BYTES", sum(sizes[1:]) + spare_bytes)
     kept.store_shot(last)  # again: in the place of the newest
     assert sorted(folder.iterdir()) == sorted(by_age[go:])
 

@@ -6,7 +6,7 @@ import pytest
 from PySide6.QtGui import QFontMetricsF
 
 from analysis.shot.quantity import NotSeen, Quantity
-from app.window.panels.large import COLLISION, DRIVEN, LEAST_PX, LargePanel, plain_digits
+from app.window.panels.large import COLLISION, DRIVEN, MIN_PX, LargePanel, plain_digits
 from app.window.theme import MARKS, Tone
 from tests.app import synthetic
 from tests.app.on_screen import large_text
@@ -56,16 +56,16 @@ def test_the_font_is_the_largest_that_fits(panel, size) -> None:
 
     pixels = font.pixelSize()
     assert font.bold() and max(takes(pixels)) <= 0.97
-    assert max(takes(pixels + 4)) >= 0.92 or pixels == LEAST_PX
+    assert max(takes(pixels + 4)) >= 0.92 or pixels == MIN_PX
     assert {cell.font().pixelSize() for cells in panel._cells for cell in cells} == {pixels}
-    assert panel._title.font().pixelSize() == pytest.approx(0.5 * pixels, abs=1.5) or pixels < 2 * LEAST_PX
+    assert panel._title.font().pixelSize() == pytest.approx(0.5 * pixels, abs=1.5) or pixels < 2 * MIN_PX
 
 
 def test_a_long_title_is_made_to_fit(panel) -> None:
     panel.resize(900, 500)
     panel.show_shot(synthetic.shot(), "a very long name of a shot " * 4)
     metrics = QFontMetricsF(panel._title.font())
-    assert metrics.horizontalAdvance(panel._title.text()) <= 900 or panel._title.font().pixelSize() == LEAST_PX
+    assert metrics.horizontalAdvance(panel._title.text()) <= 900 or panel._title.font().pixelSize() == MIN_PX
 
 
 def test_only_a_flag_about_these_numbers_marks_the_title(panel) -> None:

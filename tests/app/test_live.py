@@ -56,7 +56,7 @@ def test_the_value_axis_stands_still_in_noise_and_follows_a_push(panel):
 
 
 def test_a_time_that_is_only_rounded_otherwise_draws_no_axis_anew(panel, monkeypatch):
-    monkeypatch.setattr(live, "LEAST_RAW", -1000)  # room on any screen
+    monkeypatch.setattr(live, "MIN_RAW", -1000)  # room on any screen
     panel.resize(1000, 701)
     channels = tuple(Channel(role, 1e-3) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
     moved = []
@@ -84,7 +84,7 @@ def test_digits_change_five_times_a_second_and_curves_with_every_picture(panel):
 
 
 def test_raw_signals_are_drawn_five_times_a_second_and_at_once_where_a_threshold_moves(panel, monkeypatch):
-    monkeypatch.setattr(live, "LEAST_RAW", 1)
+    monkeypatch.setattr(live, "MIN_RAW", 1)
     panel.resize(1000, 1000)
     QTest.qWait(20)
     channels = tuple(Channel(role, 1e-3) for role in (Role.REFERENCE, Role.MEASUREMENT, Role.SWITCH))
@@ -119,7 +119,7 @@ def test_raw_signals_are_whole_or_not_there(panel, monkeypatch, lines, seen):
     time_s = np.arange(200) / RATE_HZ
     view = replace(views(1, range(0), 0.0)[0], raw_time_s=time_s, raw_v=np.zeros((200, 3), np.float32))
     with monkeypatch.context() as patch:
-        patch.setattr(live, "LEAST_RAW", lines)
+        patch.setattr(live, "MIN_RAW", lines)
         panel.resize(1000, 990)
         QTest.qWait(20)
         panel.show_raw(view, channels)
@@ -135,14 +135,14 @@ def test_raw_signals_without_room_cost_nothing_and_are_there_when_there_is_room(
     raw_v = np.random.default_rng(1).standard_normal((200, 3)).astype(np.float32)
     view = replace(views(1, range(0), 0.0)[0], raw_time_s=np.arange(200) / RATE_HZ, raw_v=raw_v)
     with monkeypatch.context() as patch:
-        patch.setattr(live, "LEAST_RAW", 1000)
+        patch.setattr(live, "MIN_RAW", 1000)
         panel.resize(1000, 990)
         QTest.qWait(20)
         panel.show_raw(view, channels)
         assert not panel.raw.isVisible()
         assert all(len(curve.samples) == 0 for curve in panel._raw_curves)
     panel.hold.setChecked(True)  # no newer samples come, the held ones are shown
-    monkeypatch.setattr(live, "LEAST_RAW", 1)
+    monkeypatch.setattr(live, "MIN_RAW", 1)
     panel.resize(1000, 1000)
     QTest.qWait(20)
     assert panel.raw.isVisible()

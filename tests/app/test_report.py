@@ -18,7 +18,7 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Air, Plate, Setup
 from analysis.uncertainty.gum_budget import budget
 from app.command_line.cli import main
-from app.report.page import MOST_DRAWN, report_of
+from app.report.page import MAX_DRAWN, report_of
 from app.report.pdf import figure_rules, write_pdf
 from app.report.provenance import taken_with
 from app.report.shot_figures import figures
@@ -197,7 +197,7 @@ def test_a_session_has_overlay_trends_and_each_shot() -> None:
 
 def test_many_shots_are_told_without_figures() -> None:
     one = shot(count=8000)
-    page = Elements(report_of([replace(one, name=f"s{i}") for i in range(MOST_DRAWN + 1)], made_at=MADE))
+    page = Elements(report_of([replace(one, name=f"s{i}") for i in range(MAX_DRAWN + 1)], made_at=MADE))
     assert "left out" in page.text
     assert not [1 for name, given in page.elements if name == "path" and given.get("class") == "measured"]
 

@@ -14,7 +14,7 @@ import pytest
 from analysis.shot.shot import AnalysisSettings
 from app.session import spool as spools
 from app.session.session import Session
-from app.session.spool import LEAST_BYTES, Spool
+from app.session.spool import MIN_BYTES, Spool
 from app.session.workbench import Workbench
 from tests.app import synthetic
 
@@ -59,7 +59,7 @@ def test_a_shot_is_the_same_and_its_arrays_are_no_longer_in_memory(tmp_path, sho
     assert _same(shot, moved) and moved.name == shot.name and moved.settings == shot.settings
     assert repr(moved.impact) == repr(shot.impact)
     assert moved.fit.shots[0].overlay.time_s is moved.motion.time_s  # one array, as before
-    assert _own_bytes(shot) > 500_000 and _own_bytes(moved) < 20 * LEAST_BYTES
+    assert _own_bytes(shot) > 500_000 and _own_bytes(moved) < 20 * MIN_BYTES
     assert not moved.motion.force_n.flags.writeable
     assert _same(pickle.loads(pickle.dumps(moved)), shot)  # it goes to another process as before
     assert list((tmp_path / "kept").iterdir()) == [] or os.name == "nt"  # the file has no name that could be left over
@@ -74,9 +74,9 @@ def test_a_session_holds_shots_and_diagnoses_so_whatever_way_they_come(tmp_path,
         captured = bench.session.add_captured("shot-2", None, AnalysisSettings())
         bench.session.fill(captured.number, shot)
         for entry in bench.session.entries:
-            assert _same(entry.shot, shot) and _own_bytes(entry.shot) < 20 * LEAST_BYTES
+            assert _same(entry.shot, shot) and _own_bytes(entry.shot) < 20 * MIN_BYTES
         found = _diagnosed(bench, shot)
-        assert _own_bytes(found.diagnosis) < 20 * LEAST_BYTES
+        assert _own_bytes(found.diagnosis) < 20 * MIN_BYTES
     finally:
         bench.close()
 
@@ -140,7 +140,7 @@ def test_on_a_full_disk_a_shot_stays_in_memory_and_the_next_is_moved_again(tmp_p
     assert spool.moved(shot) is shot
     monkeypatch.undo()
     again = spool.moved(shot)
-    assert _same(before, shot) and _same(again, shot) and _own_bytes(again) < 20 * LEAST_BYTES
+    assert _same(before, shot) and _same(again, shot) and _own_bytes(again) < 20 * MIN_BYTES
 
 
 def test_a_folder_that_cannot_be_written_is_no_hindrance(tmp_path, shot):

@@ -26,7 +26,7 @@ def recording(trigger: int | None) -> Recording:
 @pytest.fixture
 def roomy(monkeypatch):
     """Show the raw signals of LIVE on any screen and with any font."""
-    monkeypatch.setattr(live, "LEAST_RAW", -1000)
+    monkeypatch.setattr(live, "MIN_RAW", -1000)
 
 
 def lines_of(plot):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 SURVIVED, REFUSED = "survived", "refused"
-LONGEST_S, MOST_MB = 10.0, 500.0  # that one attempt may take on a quiet machine
+LONGEST_S, MAX_MB = 10.0, 500.0  # that one attempt may take on a quiet machine
 HANGS_S = 180.0  # by the clock, on a busy one: an attempt that has not ended by then never does
 UNDER_WAY = "attempt.txt"  # in the folder of the attempts: the one under way, where the process does not outlive it
 
@@ -65,7 +65,7 @@ def carry_out(kind: str, attack: Attack, folder: Path, count: int, seed: int, ha
         spent, grown = time.process_time() - begun, most_megabytes() - before
         if spent > LONGEST_S:
             outcome.failed.append(f"{kind}: {words}: {spent:.0f} s of processor time")
-        if grown > MOST_MB:
+        if grown > MAX_MB:
             outcome.failed.append(f"{kind}: {words}: {grown:.0f} MB")
         outcome.seconds = max(outcome.seconds, spent)
         outcome.megabytes = max(outcome.megabytes, grown)

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 FEW = 4
-MOST_GROWTH_MB = 20.0
+MAX_GROWTH_MB = 20.0
 _TELLS_MEMORY = """
 import resource, sys
 from app.command_line.cli import main
@@ -88,8 +88,8 @@ def _driver_memory(folder: Path, many: int) -> bool:
             flush=True,
         )
     growth = most_mb[1] - most_mb[0]
-    print(f"{many} shots instead of {many // 10}: {growth:+.1f} MB (target below {MOST_GROWTH_MB:g})")
-    return growth > MOST_GROWTH_MB
+    print(f"{many} shots instead of {many // 10}: {growth:+.1f} MB (target below {MAX_GROWTH_MB:g})")
+    return growth > MAX_GROWTH_MB
 
 
 @dataclass(frozen=True, slots=True)

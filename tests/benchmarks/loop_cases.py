@@ -23,7 +23,7 @@ from tests.bench.strength import Tangents, at_snr, base_tangents, cramer_rao, re
 
 SNRS = (13.0, 20.0, 40.0, 100.0, 300.0)
 RAW = ("eight_bit", "low_light", "no_reference")
-LEAST_SNR = 12.0
+MIN_SNR = 12.0
 APART = 5.0  # noise norms: below, no method could tell an effect from its nearest look-alike
 _DRAWS = 6  # of a rig, until its effect can stand out as asked for
 
@@ -123,16 +123,16 @@ def draw(case: Case, *, bounded: bool = True) -> Drawn:
             parts = [at_snr(replace(truth, effects={n: truth.effects[n]}), case.snr, tangents) for n in case.names]
             reached = min(part[1] for part in parts)
             truth = replace(truth, effects={n: part[0].effects[n] for n, part in zip(case.names, parts, strict=True)})
-        if reached >= LEAST_SNR:
+        if reached >= MIN_SNR:
             break
     if not bounded:
         return Drawn(truth, reached)
     nearest, apart = "", None
-    if case.kind in ("single", "beyond") and reached >= LEAST_SNR:
+    if case.kind in ("single", "beyond") and reached >= MIN_SNR:
         others = separation(truth, tangents)
         nearest = min(others, key=others.__getitem__)
         apart = others[nearest]
-    if case.kind == "pair" and reached >= LEAST_SNR:
+    if case.kind == "pair" and reached >= MIN_SNR:
         nearest, apart = min(_beside(truth, tangents), key=lambda one: one[1])
     return Drawn(truth, reached, cramer_rao(truth, tangents), nearest, apart)
 

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE
-from tests.benchmarks.loop_cases import APART, LEAST_SNR, Outcome
+from tests.benchmarks.loop_cases import APART, MIN_SNR, Outcome
 from tests.benchmarks.loop_score import exact, lines, named_alone, named_at_all, share, truth_reported
 
 
@@ -36,10 +36,10 @@ def page(outcomes: Sequence[Outcome], command: str) -> str:
         f"Regenerate with `{command}`. Each set has three shots at different speeds from the simulated bench, which "
         "shares no code with the analysis. The signal-to-noise ratio (SNR) of an effect is the norm of the residual "
         "that the best base fit leaves in the noise-free set, in units of the noise of one sample. Figures are for "
-        f"SNR >= {LEAST_SNR:g} unless stated otherwise. An effect can be distinguished if the nearest other effect of "
+        f"SNR >= {MIN_SNR:g} unless stated otherwise. An effect can be distinguished if the nearest other effect of "
         "the catalogue, fitted as its best imitation with the base parameters free, leaves a residual of at least "
         f"{APART:g} noise norms. Two effects are each seen beside the other if that residual is at least "
-        f"{LEAST_SNR:g} for either. Intervals are Wilson's at 95 %. Other runs and the causes of misses are listed in "
+        f"{MIN_SNR:g} for either. Intervals are Wilson's at 95 %. Other runs and the causes of misses are listed in "
         "[the closed loop on other seeds](closed-loop-seeds.md).\n\n"
     )
     table = ["| figure | measured | target | met |", "|---|---|---|---|"]
@@ -63,14 +63,14 @@ def _matrix(outcomes: Sequence[Outcome]) -> str:
 
 def _by_strength(outcomes: Sequence[Outcome]) -> str:
     text = ["## By strength (one effect)\n", "| asked SNR | exact | true one reported |", "|---|---|---|"]
-    single = [o for o in outcomes if o.case.kind == "single" and o.snr >= LEAST_SNR]
+    single = [o for o in outcomes if o.case.kind == "single" and o.snr >= MIN_SNR]
     for snr in sorted({o.case.snr for o in single}):
         some = [o for o in single if o.case.snr == snr]
         text.append(f"| {snr:g} | {share(some, exact)} | {share(some, truth_reported)} |")
-    weak = [o for o in outcomes if o.case.kind == "single" and o.snr < LEAST_SNR]
+    weak = [o for o in outcomes if o.case.kind == "single" and o.snr < MIN_SNR]
     if weak:
         names = ", ".join(sorted({o.case.names[0] for o in weak}))
-        text.append(f"\n{len(weak)} sets could not be made as strong as {LEAST_SNR:g} and are not scored: {names}.")
+        text.append(f"\n{len(weak)} sets could not be made as strong as {MIN_SNR:g} and are not scored: {names}.")
     return "\n".join(text) + "\n\n"
 
 
@@ -79,9 +79,9 @@ def _misses(outcomes: Sequence[Outcome]) -> str:
     for o in outcomes:
         bad = {
             "clean": named_at_all(o),
-            "single": o.snr >= LEAST_SNR and not exact(o),
-            "natural": o.snr >= LEAST_SNR and not exact(o),
-            "pair": o.snr >= LEAST_SNR and not exact(o),
+            "single": o.snr >= MIN_SNR and not exact(o),
+            "natural": o.snr >= MIN_SNR and not exact(o),
+            "pair": o.snr >= MIN_SNR and not exact(o),
             "beyond": named_alone(o),
             "raw": not truth_reported(o) or (not o.case.names and named_at_all(o)),
         }[o.case.kind]

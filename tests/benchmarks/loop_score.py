@@ -7,7 +7,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from tests.benchmarks.loop_cases import APART, LEAST_SNR, RAW, Outcome
+from tests.benchmarks.loop_cases import APART, MIN_SNR, RAW, Outcome
 
 _Z95 = 1.959964
 _ENOUGH = 50
@@ -89,7 +89,7 @@ def _tellable(outcome: Outcome) -> bool:
 
 
 def _both_seen(outcome: Outcome) -> bool:
-    return outcome.apart is not None and outcome.apart >= LEAST_SNR
+    return outcome.apart is not None and outcome.apart >= MIN_SNR
 
 
 def _no_lone_wrong_name(outcome: Outcome) -> bool:
@@ -105,9 +105,9 @@ def named_at_all(outcome: Outcome) -> bool:
 def lines(outcomes: Sequence[Outcome]) -> list[Line]:
     """Return every figure that the closed loop is held to."""
     result: list[Line] = []
-    strong = [o for o in outcomes if o.case.kind == "single" and o.snr >= LEAST_SNR]
-    pairs = [o for o in outcomes if o.case.kind == "pair" and o.snr >= LEAST_SNR]
-    beyond = [o for o in outcomes if o.case.kind == "beyond" and o.snr >= LEAST_SNR]
+    strong = [o for o in outcomes if o.case.kind == "single" and o.snr >= MIN_SNR]
+    pairs = [o for o in outcomes if o.case.kind == "pair" and o.snr >= MIN_SNR]
+    beyond = [o for o in outcomes if o.case.kind == "beyond" and o.snr >= MIN_SNR]
 
     def at_least(what: str, found: Share, value: float, low: float | None = None) -> None:
         target = f">= {100 * value:.0f} %" + (f", lower bound >= {100 * low:.0f} %" if low else "")
@@ -137,7 +137,7 @@ def lines(outcomes: Sequence[Outcome]) -> list[Line]:
     strange = [o for o in beyond if _tellable(o)]
     at_least("off the catalogue, no single name, where it can be told", share(strange, _not_named_alone), 0.99)
     at_least("off the catalogue, no single name", share(beyond, _not_named_alone), 0.99)
-    natural = [o for o in outcomes if o.case.kind == "natural" and o.snr >= LEAST_SNR]
+    natural = [o for o in outcomes if o.case.kind == "natural" and o.snr >= MIN_SNR]
     result.append(Line("one effect of natural size, exact name", str(share(natural, exact)), "shown", None))
     result.append(Line("one effect of natural size, reported", str(share(natural, truth_reported)), "shown", None))
     for raw in RAW:

@@ -20,7 +20,7 @@ from tests.bench.blind import Take, Truth, records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
 
 MOST = 3
-MOST_AT_RANDOM = 9
+MAX_AT_RANDOM = 9
 _SET_OFF = 0.02  # part by which a speed that was asked for is missed
 Diagnose = Callable[[Sequence[Motion]], Diagnosis]
 
@@ -144,14 +144,14 @@ def _needed_at_random(
 ) -> tuple[float, ...]:
     """Return how many shots at random bring each of ``levels`` in noise norms, on the mean of some sequences of them.
 
-    To first order; ``MOST_AT_RANDOM`` where so many do not.
+    To first order; ``MAX_AT_RANDOM`` where so many do not.
     """
     open_class, random = (
         compare_models(diagnosis.fit_after, first_indistinguishable(diagnosis), motions),
         np.random.default_rng((seed, 0x20)),
     )
     assert open_class is not None
-    shots = [_any_shot(random) for _ in range(3 * MOST_AT_RANDOM)]
+    shots = [_any_shot(random) for _ in range(3 * MAX_AT_RANDOM)]
     distances = screen_shots(open_class, shots, lambda _: None, lambda: False)
     parted = distances.without(distances.inseparable_pairs(MOST))
     counts = []
@@ -159,9 +159,9 @@ def _needed_at_random(
         drawn = [shots[i] for i in random.permutation(len(shots)) if shots[i] in distances.each]
         reached = [
             min(parted.nearest(tuple(drawn[:n])).values(), default=0.0)
-            for n in range(1, min(len(drawn), MOST_AT_RANDOM))
+            for n in range(1, min(len(drawn), MAX_AT_RANDOM))
         ]
-        counts.append([next((n for n, r in enumerate(reached, 1) if r >= at), MOST_AT_RANDOM) for at in levels])
+        counts.append([next((n for n, r in enumerate(reached, 1) if r >= at), MAX_AT_RANDOM) for at in levels])
     return tuple(float(mean) for mean in np.mean(counts, axis=0))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.pipeline import analyse
-from analysis.shot.recording import MOST_GAPS, Gap, Recording
+from analysis.shot.recording import MAX_GAPS, Gap, Recording
 from analysis.shot.shot import Cancelled, Shot
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import analyse_and_check_hash, hash_matches, read_recording
@@ -22,7 +22,7 @@ def test_gaps_longer_than_the_recording_are_of_unknown_length(shot: Recording) -
     assert long.bridgeable_gaps == (Gap(300, 10), Gap(500, None))
     many = dataclasses.replace(shot, gaps=tuple(Gap(n, shot.samples // 3) for n in range(100, 110)))
     assert [gap.samples_lost is None for gap in many.bridgeable_gaps] == [False] * 3 + [True] * 7
-    crowd = dataclasses.replace(shot, gaps=tuple(Gap(n, 1) for n in range(1, MOST_GAPS + 2)))
+    crowd = dataclasses.replace(shot, gaps=tuple(Gap(n, 1) for n in range(1, MAX_GAPS + 2)))
     assert all(gap.samples_lost is None for gap in crowd.bridgeable_gaps)
 
 

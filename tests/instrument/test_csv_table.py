@@ -136,7 +136,7 @@ def test_a_table_longer_than_is_read_at_once_is_read_to_its_end(tmp_path, monkey
         path.write_text(f"a,b\n1,2\n{spoilt}\n")
         with pytest.raises(RecordingError, match="counted from line 2"):
             csv_table.columns(path, ["b"], False)
-    monkeypatch.setattr(csv_table, "MOST_SAMPLES", 22)
+    monkeypatch.setattr(csv_table, "MAX_SAMPLES", 22)
     csv_table.columns(_table(tmp_path / "b.csv", "a,b\n", [(n, n) for n in range(22)]), ["b"], False)
     with pytest.raises(RecordingError, match="more than 22 rows"):
         csv_table.columns(_table(tmp_path / "c.csv", "a,b\n", [(n, n) for n in range(23)]), ["b"], False)

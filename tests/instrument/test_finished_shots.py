@@ -137,7 +137,7 @@ def test_a_shot_is_saved_under_the_next_free_name(tmp_path: Path) -> None:
 
 
 def test_without_a_free_name_it_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recorder, "_MOST_NAMES", 2)
+    monkeypatch.setattr(recorder, "_MAX_NAMES", 2)
     shot = _recorded("a").shot
     save_elsewhere(shot.recording("a"), tmp_path)
     with pytest.raises(RecordingError, match="no free name a-N"):

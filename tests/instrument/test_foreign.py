@@ -367,7 +367,7 @@ def test_claims_without_bound_are_refused(tmp_path: Path, monkeypatch: pytest.Mo
         assert foreign_channels(wav).channels[0].samples <= 32
     except RecordingError as error:
         assert "\n" not in str(error)
-    monkeypatch.setattr(foreign_file, "MOST_SAMPLES", 10)
+    monkeypatch.setattr(foreign_file, "MAX_SAMPLES", 10)
     table = tmp_path / "long.csv"
     table.write_text("a\n" + "1\n" * 11)
     with pytest.raises(RecordingError, match="more than 10"):

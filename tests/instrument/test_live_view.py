@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.signal.stream import LiveChunk
-from instrument.live.live_view import MOST_BINS, LiveWindow, empty_view
+from instrument.live.live_view import MAX_BINS, LiveWindow, empty_view
 
 
 def _chunk(first: int, count: int) -> LiveChunk:
@@ -25,7 +25,7 @@ def test_the_newest_points_are_shown_in_bins_that_keep_their_places(counts: list
         kept.append(np.stack((chunk.time_s, chunk.beat_frequency_hz, chunk.velocity_m_per_s, chunk.force_n)))
         first += count
     every = np.concatenate(kept, axis=1)
-    size = -(-length // MOST_BINS)
+    size = -(-length // MAX_BINS)
     assert window.bin_points == size
     begin = -(-max(0, every.shape[1] - length) // size)  # bins are counted from the very first point
     bins = [every[:, n * size : (n + 1) * size] for n in range(begin, every.shape[1] // size)]

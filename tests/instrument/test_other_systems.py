@@ -111,7 +111,7 @@ SIGROK = ("PulseView", "sigrok-cli")
 def test_what_may_wait_in_a_pipe_fits_into_one_of_windows() -> None:
     """A child whose pipe is full waits in the middle of its talk, and its device is not read."""
     message = BlockReady(2**40, 2**50, Block(2**18, 2**30, True, 2**18, True))
-    assert child.MOST_BLOCKS_ELSEWHERE * (4 + len(pickle.dumps(message))) < 0.9 * WINDOWS_PIPE_BYTES
+    assert child.MAX_BLOCKS_ELSEWHERE * (4 + len(pickle.dumps(message))) < 0.9 * WINDOWS_PIPE_BYTES
 
 
 def test_priority_is_lowered_by_class_on_windows(monkeypatch: pytest.MonkeyPatch) -> None:

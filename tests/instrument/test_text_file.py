@@ -9,7 +9,7 @@ import pytest
 from instrument.files.foreign_reading import foreign_channels
 from instrument.files.law_file import read_law
 from instrument.files.recording_error import FileNotReached, RecordingError
-from instrument.files.text_file import LARGEST_JSON_BYTES, MOST_VALUES, read_json, read_toml
+from instrument.files.text_file import LARGEST_JSON_BYTES, MAX_VALUES, read_json, read_toml
 
 SPOILT_JSON = {
     "Infinity": b'{"a": Infinity}',
@@ -22,7 +22,7 @@ SPOILT_JSON = {
     "a list": b"[]",
     "empty": b"",
     "not text": b"\xff\xfe\x00",
-    "millions of values": b'{"a": [' + b"{}," * (MOST_VALUES + 1) + b"{}]}",
+    "millions of values": b'{"a": [' + b"{}," * (MAX_VALUES + 1) + b"{}]}",
     "large": b'{"a": "' + b"x" * LARGEST_JSON_BYTES + b'"}',
 }
 SPOILT_TOML = {

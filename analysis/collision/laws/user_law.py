@@ -19,7 +19,7 @@ from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.laws.formula import STATE, TIME, Formula, FormulaError, kernel_of, read
 from analysis.collision.parameters import PAPER, Collision, Floats
 
-MOST_PARAMETERS = 3
+MAX_PARAMETERS = 3
 _PLACES = {
     "block": (Acts.ON_BLOCK, ON_BLOCK),
     "plate": (Acts.ON_PLATE, ON_PLATE),
@@ -96,8 +96,8 @@ def law_from_table(table: Mapping[str, Any]) -> UserLaw:
         raise LawError(f"where: {where!r}, but a law acts on {', '.join(_PLACES)}")
     words = _text(table, "words") if "words" in table else name.replace("_", " ").strip() or name
     given = table.get("parameters")
-    if not isinstance(given, Mapping) or not 1 <= len(given) <= MOST_PARAMETERS:
-        raise LawError(f"parameters: a law has one to {MOST_PARAMETERS} of them")
+    if not isinstance(given, Mapping) or not 1 <= len(given) <= MAX_PARAMETERS:
+        raise LawError(f"parameters: a law has one to {MAX_PARAMETERS} of them")
     parameters = tuple(_parameter(key, value) for key, value in given.items())
     try:
         formula = read(text, [p.name for p in parameters])

@@ -29,7 +29,7 @@ from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted, with_frame_relinearised
 from analysis.shot import Cancelled, Progress, Stop
 
-FIRST_PIECES, MOST_PIECES = 12, 96
+FIRST_PIECES, MAX_PIECES = 12, 96
 FIRST_STEPS, _ALL_STEPS = 3, 7  # of a search; the first ones show which arguments may become the likeliest
 _FINER_STEPS = 4  # of a fit with twice the pieces, started from the coarser curve
 _GO_ON = 6  # arguments that are searched to convergence at most
@@ -174,7 +174,7 @@ def refine_contenders(start: Fitted, rough: Sequence[Learned], stop: Stop) -> li
     """
     found = converge_contenders(start, rough[:_GO_ON], stop)
     ahead = [curve for curve in found[:FOLLOWED] if curve.least_form_bic < start.bic - CRITERIA.law_fall]
-    curves = sorted(side_by_side(lambda curve: finer(curve, MOST_PIECES, stop), ahead), key=lambda curve: curve.bic)
+    curves = sorted(side_by_side(lambda curve: finer(curve, MAX_PIECES, stop), ahead), key=lambda curve: curve.bic)
     if not curves or curves[0].least_form_bic > start.bic - CRITERIA.law_fall:
         return []
     # A form saves at most the BIC's price of its curve's coefficients: other curves cannot become the likeliest.

@@ -35,7 +35,7 @@ from analysis.inference import Fitted
 from analysis.shot import Progress, Stop
 
 _PAIRS = 4  # of arguments that are fitted, the likeliest to first order
-_MOST_PIECES = 48
+_MAX_PIECES = 48
 _FORMS = 4  # of each curve, nearest to it first
 _AT_FIRST = 2  # of these, fitted with as many of the other curve; then all forms with the other's best
 
@@ -186,7 +186,7 @@ def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> list[Lea
 
     def in_finer_pieces(learned: Learned) -> Learned:
         for _ in learned.terms:
-            learned = finer(learned.with_last(0), _MOST_PIECES, stop)
+            learned = finer(learned.with_last(0), _MAX_PIECES, stop)
         return learned
 
     alike = [one for one in ahead[:FOLLOWED] if one.bic < ahead[0].bic + CRITERIA.form_excluded]

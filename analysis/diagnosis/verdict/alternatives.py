@@ -13,7 +13,7 @@ from analysis.inference import Fitted, Linearised, Score, TrialEffect, effect_pa
 from analysis.shot import Floats, Quantity
 
 POINTS = 800  # of a curve: two per pixel of a plot a third of a screen wide
-MOST_SHOTS = 12  # that have curves: as many as a page draws
+MAX_SHOTS = 12  # that have curves: as many as a page draws
 
 
 def candidates(best: Fitted, trail: Trail) -> tuple[Candidate, ...]:
@@ -53,7 +53,7 @@ def blind_spots(at: Linearised, catalogue: Sequence[TrialEffect], best: Fitted) 
 
 def curve_of_fit(fitted: Fitted, before: Fitted) -> tuple[Floats, ...]:
     """Return the change of the model's displacement (m) in a joint fit with a candidate, as ``averaged_to`` means."""
-    pairs = zip(before.residual_m[:MOST_SHOTS], fitted.residual_m, strict=False)
+    pairs = zip(before.residual_m[:MAX_SHOTS], fitted.residual_m, strict=False)
     return tuple(averaged_to(POINTS, left_before - left_after) for left_before, left_after in pairs)
 
 
@@ -70,7 +70,7 @@ def curve_to_first_order(at: Linearised, score: Score) -> tuple[Floats, ...] | N
     moved = at.tangents.solve(left)
     own = zip(columns, at.lines, at.tangents.places, strict=True)
     curves = [column + derivatives @ moved[places] for column, (_, derivatives), places in own]
-    return tuple(averaged_to(POINTS, curve) for curve in curves[:MOST_SHOTS])
+    return tuple(averaged_to(POINTS, curve) for curve in curves[:MAX_SHOTS])
 
 
 def averaged_to(points: int, values: Floats) -> Floats:

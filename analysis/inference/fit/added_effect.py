@@ -19,7 +19,7 @@ _COMPARING, _FROM_NATURAL_SIZE, _ENDING = 7, 30, 16  # evaluations: to compare f
 _FAR_BEHIND = 300.0  # BIC behind the compared fit at which a search near its end is stopped
 _START_SHARES = (1.0, 0.3, 0.1)  # fractions of the start amplitude, tried in turn
 _COMPENSATING_STEPS = 4  # largest number of steps
-_LEAST_SINGULAR = 1e-4  # fraction of the largest singular value below which a direction is not moved
+_MIN_SINGULAR = 1e-4  # fraction of the largest singular value below which a direction is not moved
 _NO_FIT = (Infeasible, np.linalg.LinAlgError, FloatingPointError)  # raised if a search finds no trajectory
 
 
@@ -123,7 +123,7 @@ def _compensation(tangents: Arrow) -> Callable[[Floats], Floats]:
     scale = np.sqrt(np.diag(gram))
     scale[scale == 0] = 1.0
     level, turn = np.linalg.eigh(gram / np.outer(scale, scale))
-    some = level > _LEAST_SINGULAR**2 * level[-1]
+    some = level > _MIN_SINGULAR**2 * level[-1]
     return lambda left: (turn[:, some] @ (turn[:, some].T @ (tangents.pull(left) / scale) / level[some])) / scale
 
 

@@ -24,7 +24,7 @@ from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import white_floor
 from analysis.shot import Cancelled, Floats, Stop
-from analysis.signal import LEAST_NOISE_M
+from analysis.signal import MIN_NOISE_M
 
 _TRIED = 6  # maximum number of fitted candidates
 _EVALUATIONS = 18
@@ -79,7 +79,7 @@ def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: flo
         return [_plate_by_plate(base, shots, stop, sways_m)]
     shot = _fastest(shots)
     ranked, contact = rank(shot, base), _contact_of(shot)
-    white = white_floor(max(contact.course.noise_std_m, LEAST_NOISE_M), contact.spacing_s)
+    white = white_floor(max(contact.course.noise_std_m, MIN_NOISE_M), contact.spacing_s)
     problem = Problem(JointData((contact,), base), (), white)
 
     def tried(guess: Guess) -> tuple[Minimum, Floats] | None:

@@ -16,9 +16,9 @@ from analysis.inference.noise.site import BELOW_HZ, Site, site_of
 from analysis.inference.noise.sway import on_site
 from analysis.reading import read_frame_motion
 from analysis.shot import AnalysisError, Floats, Motion, VibrationSpectrum
-from analysis.signal import LEAST_NOISE_M
+from analysis.signal import MIN_NOISE_M
 
-_FEWEST_A_TURN = 10.0  # least samples per period of the fastest frame motion
+_MIN_A_TURN = 10.0  # least samples per period of the fastest frame motion
 _SAMPLES = 100  # fewest third differences for a noise estimate
 
 
@@ -66,12 +66,12 @@ class JointData:
         if sum(int(np.count_nonzero(s.valid[3:] & s.valid[:-3])) for s in self.shots) < _SAMPLES:
             raise AnalysisError("too few samples for a diagnosis")
         white_m = white_by_differences([s.displacement_m for s in self.shots], [s.valid for s in self.shots])
-        return white_floor(max(white_m, LEAST_NOISE_M), self.shots[0].spacing_s)
+        return white_floor(max(white_m, MIN_NOISE_M), self.shots[0].spacing_s)
 
 
 def resolves_frame_motion(motion: Motion) -> bool:
     """Return whether a motion is sampled fast enough to separate frame motion from the optics' noise."""
-    return motion.sample_rate_hz >= _FEWEST_A_TURN * BELOW_HZ
+    return motion.sample_rate_hz >= _MIN_A_TURN * BELOW_HZ
 
 
 def frame_motions_of(

@@ -72,7 +72,7 @@ _STEEP = 1e-5  # relative damping: directions with less curvature are not correc
 _LITTLE = 15.0  # predicted fall of chi^2 below which ``stop_early`` is called
 _ROUNDED = 1e-2  # predicted fall of chi^2 below which failing steps are due to rounding (noise of 1 pm)
 _CORNER = 1.0  # predicted fall of chi^2 below which a corner counts as converged, as at the end of a force's range
-_MOST_DAMPING = 1e12  # relative damping at which steps vanish
+_MAX_DAMPING = 1e12  # relative damping at which steps vanish
 _SHORTER = 0.7  # largest ratio of the next step's length to a refused one's: longer would be refused as well
 _STRAIGHT = 1.0  # predicted fall of chi^2 below which a step is too short for corrections
 
@@ -149,7 +149,7 @@ class _Damping:
         After a refusal damping is raised until the step is clearly shorter, since small damping only shortens the step
         in directions of low curvature.
         """
-        while self.value <= _MOST_DAMPING:
+        while self.value <= _MAX_DAMPING:
             there = _stepped(square, here, free, self.value, bounds)
             if there is not None and _length(square, there - here) <= _SHORTER * self._too_long:
                 moved = there - here

@@ -20,7 +20,7 @@ from analysis.inference.screen.projector import Projector
 from analysis.inference.screen.screening import Score
 from analysis.shot import Floats, Stop
 
-_ROUNDS, _A_ROUND, _LEAST_GAIN = 8, 25, 0.05  # of ``continued``: rounds, evaluations per round, least gain of ln L
+_ROUNDS, _A_ROUND, _MIN_GAIN = 8, 25, 0.05  # of ``continued``: rounds, evaluations per round, least gain of ln L
 _WANDERING_PARTS = 2  # maximum number of wandering parts of a noise
 _NEAR = 0.04  # expected fall of chi^2 of a converged fit: parameters are within a fifth of a std of the minimum
 COMPARABLE = 0.1  # expected fall of chi^2 at which a search ends before the noise is re-estimated or fits are compared
@@ -247,7 +247,7 @@ class Fitted(ModelAtVector):
                 break
             found = best.problem.search(best.z, evaluations=_A_ROUND, cancelled=cancelled)
             further = best.problem.fitted(found)
-            if further.log_likelihood < best.log_likelihood + _LEAST_GAIN and not further.converged:
+            if further.log_likelihood < best.log_likelihood + _MIN_GAIN and not further.converged:
                 break
             best = further if further.log_likelihood >= best.log_likelihood else best
             if found.converged:

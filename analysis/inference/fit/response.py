@@ -43,8 +43,8 @@ from analysis.inference.fit.samples import Samples
 
 STRIDE = 2.0  # of ``general.solve``: its error for a nonlinear law is then 0.05 pm, far below any noise
 _DEFAULT_WAVELENGTH_M = 632.8e-9
-_MOST_RADIANS = 1e5  # largest phase of the contact, or of an effect, over the whole record
-_MOST_RADIANS_A_SAMPLE = 60.0  # largest phase between two averaged samples that a trajectory follows
+_MAX_RADIANS = 1e5  # largest phase of the contact, or of an effect, over the whole record
+_MAX_RADIANS_A_SAMPLE = 60.0  # largest phase between two averaged samples that a trajectory follows
 _STEP = 1e-40  # size of a complex step
 
 
@@ -97,7 +97,7 @@ class ShotModel:
 
         The model itself can have oscillations that no sample shows; a search must avoid these parameters.
         """
-        fastest = min(math.pi * self.samples.factor, _MOST_RADIANS_A_SAMPLE) / self.samples.spacing_s
+        fastest = min(math.pi * self.samples.factor, _MAX_RADIANS_A_SAMPLE) / self.samples.spacing_s
         return max(self.rates.contact, self.rates.every) > fastest
 
     def path(self, steps: int) -> LinearPath:
@@ -190,9 +190,9 @@ def _directions(shot: ShotModel) -> dict[str, int | None]:
 
 def _solved(shot: ShotModel, time_s: Floats, directions: Sequence[int], stride: float, block: int) -> Trajectory:
     collision, length_s = shot.collision, time_s[-1] - time_s[0]
-    if shot.rates.bodies * length_s > _MOST_RADIANS:
+    if shot.rates.bodies * length_s > _MAX_RADIANS:
         raise Infeasible("the contact would swing faster than any that a record can show")
-    if shot.rates.every * length_s > _MOST_RADIANS:
+    if shot.rates.every * length_s > _MAX_RADIANS:
         raise Infeasible("an effect would swing faster than any that a record can show")
     times = time_s - shot.own[1]
     try:

@@ -36,7 +36,7 @@ _SMALL_MOVE = 1.0  # standard deviations of a parameter move that needs no relin
 _STRENGTH_TURNS = 3  # maximum iterations of fitting and re-estimating the frame's strengths from the residual
 _SETTLED = 0.1  # standard deviations of a parameter move after which the strengths are final
 _RINGING = 16.0  # BIC gain above which a plate swinging at first touch is flagged
-_LEAST_SHARE = 0.7  # least share of the excess chi^2: a ringing plate explains 99 %, another effect at most half
+_MIN_SHARE = 0.7  # least share of the excess chi^2: a ringing plate explains 99 %, another effect at most half
 
 
 def fit_shots(
@@ -116,7 +116,7 @@ class _SearchEnd:
         free = square.samples - problem.size
         excess = square.chi2 - free - math.sqrt(2.0 * free)  # beyond one standard deviation of chance
         listed = problem.linearise(fitted.z).scores(trial_effect(_PLATE_MOTION))
-        return any(score.worth(square.samples) > _RINGING and score.gain > _LEAST_SHARE * excess for score in listed)
+        return any(score.worth(square.samples) > _RINGING and score.gain > _MIN_SHARE * excess for score in listed)
 
 
 def _fit_on(

@@ -16,7 +16,7 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import Site
 from analysis.shot import Floats
-from analysis.signal import LEAST_NOISE_M
+from analysis.signal import MIN_NOISE_M
 
 Mask = NDArray[np.bool_]
 Spectrum = tuple[Floats, Floats]  # angles, powers per sample
@@ -26,7 +26,7 @@ _CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # corner frequencies
 _WEIGHT = 0.5  # degrees of freedom per bin: a Hann taper correlates about two neighbouring bins
 _PAYS = 4.0  # log-likelihood gain required of a wandering part, which has two parameters
 _AS_LIKELY = 1.0  # log-likelihood below the best within which the longest correlation time is chosen
-_LEAST_WHITE = 0.1  # least white noise, as a fraction of the density at the highest frequencies
+_MIN_WHITE = 0.1  # least white noise, as a fraction of the density at the highest frequencies
 _LINE = 16.0  # power of a line over the noise; chance exceeds it with probability e^-16 per bin
 _BESIDE_A_LINE = 4.0  # bins left out on either side of a line: a Hann taper's width plus an error of one bin
 _NO_LINES = np.empty(0)
@@ -70,7 +70,7 @@ def _flight(shot: Samples, part: slice) -> Floats:
 
 def _by_differences(shots: Sequence[Samples]) -> float:
     series = [shot.displacement_m / shot.weight for shot in shots]
-    return max(white_by_differences(series, [shot.valid for shot in shots]), LEAST_NOISE_M)
+    return max(white_by_differences(series, [shot.valid for shot in shots]), MIN_NOISE_M)
 
 
 def _with_outgoing(noise: Floor, incoming: list[Spectrum], outgoing: list[Spectrum], spacing_s: float) -> Floor:
@@ -127,7 +127,7 @@ def detrended(values: Floats, degree: int) -> Floats:
 def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
     """Return the likeliest white noise, with a wandering part if it raises the Whittle log-likelihood by _PAYS."""
     angle, power = (np.concatenate(part) for part in zip(*spectra, strict=True))
-    power = np.maximum(power, LEAST_NOISE_M**2)
+    power = np.maximum(power, MIN_NOISE_M**2)
     flat = float(np.mean(power))
     alone = _WEIGHT * float(np.sum(np.log(flat) + power / flat))
     tried: list[tuple[float, float, float, float]] = []
@@ -141,7 +141,7 @@ def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
         return white_floor(math.sqrt(flat), spacing_s)
     _, tau_s, white, floor = [t for t in tried if t[0] < least + _AS_LIKELY][-1]
     quickest = float(_wandering(np.array([np.pi]), floor, math.exp(-spacing_s / tau_s))[0])
-    white = max(white, _LEAST_WHITE * (white + quickest))
+    white = max(white, _MIN_WHITE * (white + quickest))
     return Floor(math.sqrt(white), (math.sqrt(floor), 0.0), (float(tau_s), 1e-2), spacing_s)
 
 

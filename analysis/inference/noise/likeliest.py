@@ -11,7 +11,7 @@ from analysis.shot import Floats
 
 Mask = NDArray[np.bool_]
 SHORTEST_TAU_S, LONGEST_TAU_S = 3e-4, 1.0
-_LEAST_RATIO, _MOST_RATIO, _MOST_SHARE = -12.0, 14.0, 40.0  # limits of the search coordinates
+_MIN_RATIO, _MAX_RATIO, _MAX_SHARE = -12.0, 14.0, 40.0  # limits of the search coordinates
 
 
 class Series(NamedTuple):
@@ -94,8 +94,8 @@ def shape_at(z):  # type: ignore[no-untyped-def]
     span = math.log(LONGEST_TAU_S / SHORTEST_TAU_S)
     shape = np.array([0.0, 1e-2, 0.0, 1e-2])
     for j in range(z.size // 2):
-        shape[2 * j] = math.exp(min(max(z[2 * j], _LEAST_RATIO), _MOST_RATIO))
-        share = 1 / (1 + math.exp(-min(max(z[2 * j + 1], -_MOST_SHARE), _MOST_SHARE)))
+        shape[2 * j] = math.exp(min(max(z[2 * j], _MIN_RATIO), _MAX_RATIO))
+        share = 1 / (1 + math.exp(-min(max(z[2 * j + 1], -_MAX_SHARE), _MAX_SHARE)))
         shape[2 * j + 1] = SHORTEST_TAU_S * math.exp(span * share)
     return shape
 

@@ -18,7 +18,7 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import learn, white_floor
 from analysis.shot import Floats
 
-_FEWEST_SHOTS = 3  # two shots have at most four flights, fewer than the five common laws
+_MIN_SHOTS = 3  # two shots have at most four flights, fewer than the five common laws
 _MARGIN = 0.15  # contact times after the release at which the outgoing flight begins
 _SHORTEST = 30  # fewest samples of a flight
 _TURNS = 3  # iterations of fitting and noise estimation
@@ -42,7 +42,7 @@ def per_shot_nuisances(shots: Sequence[Samples], chance: float) -> tuple[Effect,
     The accelerations are needed if the laws common to all shots fit the flights with a probability below ``chance``.
     Only records without optics are tested.  Cost: about 0.1 s.
     """
-    if len(shots) < _FEWEST_SHOTS or any(shot.wavelength_m is not None for shot in shots):
+    if len(shots) < _MIN_SHOTS or any(shot.wavelength_m is not None for shot in shots):
         return ()
     flights = [flight for shot in shots for flight in _flights(shot)]
     if len(flights) <= len(_ONE_WAY):

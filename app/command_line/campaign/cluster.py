@@ -30,7 +30,7 @@ WORKERS_RETURN_S = 15.0  # the same during a campaign; a nanny needs some second
 SILENT_S = 60.0  # silence after which a worker is lost; workers report twice per second; dask itself waits 5 min
 CHECK_S = 60.0  # longest wait for the check of a worker
 _WATCH_S = 1.0
-_MOST_FOLDERS = 200  # most folders checked by each worker; others, if missing, are reported with each shot
+_MAX_FOLDERS = 200  # most folders checked by each worker; others, if missing, are reported with each shot
 
 
 class Cluster:
@@ -40,7 +40,7 @@ class Cluster:
         if not insecure and not is_secure(address):
             raise WorkersLost(0, _UNSAFE, address)
         self._address, self._client = address, _client(address)
-        folders = sorted({str(Path(task.path).parent) for task in todo})[:_MOST_FOLDERS]
+        folders = sorted({str(Path(task.path).parent) for task in todo})[:_MAX_FOLDERS]
         csv = next((task.motion_csv for task in todo if task.motion_csv), None)
         self._check_of_folders = (version_and_digest(), folders, None if csv is None else str(Path(csv).parent))
         self._watcher = ThreadPoolExecutor(1)  # a hanging scheduler must not block the campaign

@@ -27,8 +27,8 @@ from app.window.widgets import (
 from app.words import OUTDATED, VERDICTS, cached_words, localised_text, short_name, tag
 from levimass import is_drive
 
-MOST_NAMED = 5  # most shots named
-LEAST_SIDE_BY_SIDE_WIDTH = 78  # least width, in letters M, for candidates and residuals side by side
+MAX_NAMED = 5  # most shots named
+MIN_SIDE_BY_SIDE_WIDTH = 78  # least width, in letters M, for candidates and residuals side by side
 NEAR_ONE = 1.5  # chi^2/nu below which an unexplained residual looks like noise
 
 
@@ -117,7 +117,7 @@ class DiagnosisPanel(QWidget):
 
     def _arrange_evidence(self) -> None:
         """Place the residuals to the right of the candidates, or below them on a narrow page."""
-        beside = self.width() >= LEAST_SIDE_BY_SIDE_WIDTH * self.fontMetrics().horizontalAdvance("M")
+        beside = self.width() >= MIN_SIDE_BY_SIDE_WIDTH * self.fontMetrics().horizontalAdvance("M")
         self._evidence.setOrientation(Qt.Orientation.Horizontal if beside else Qt.Orientation.Vertical)
         self._evidence.setMinimumHeight((16 if beside else 30) * self.fontMetrics().lineSpacing())
 
@@ -213,8 +213,8 @@ class DiagnosisPanel(QWidget):
     def _name_shots(self) -> None:
         """Show the names of the diagnosed shots and of the running diagnosis."""
         shots = self._shots
-        names = ", ".join(short_name(shot.name) for shot in shots[:MOST_NAMED])
-        more = f" and {len(shots) - MOST_NAMED} more" if len(shots) > MOST_NAMED else ""
+        names = ", ".join(short_name(shot.name) for shot in shots[:MAX_NAMED])
+        more = f" and {len(shots) - MAX_NAMED} more" if len(shots) > MAX_NAMED else ""
         kept = f"   ({cached_words(self._version)})" if self._version else ""
         old = "" if self._holds else f"   {OUTDATED}"
         about = f"of {names}{more}{kept}{old}" if self._diagnosis is not None and shots else ""

@@ -81,7 +81,7 @@ HEADINGS = (
     ("−ΔBIC", "Evidence: by how much the effect lowers the Bayesian information criterion; more is better"),
     ("size (σ)", "Size of what it explains, in standard deviations of the noise: its norm over that of the noise"),
 )
-LEAST_NAME_LETTERS = 12  # least width of a name in letters
+MIN_NAME_LETTERS = 12  # least width of a name in letters
 
 
 class Bar(Themed, QWidget):
@@ -176,7 +176,7 @@ class CandidateBars(Themed, QWidget):
         chosen = candidate.effect in self._named and pays
         words = (f"{MARKS[Tone.GOOD]} " if chosen else "") + candidate.effect.words
         name = text_label(words, inner, bold=chosen, elide=Qt.TextElideMode.ElideRight)
-        name.setMinimumWidth(LEAST_NAME_LETTERS * self.fontMetrics().horizontalAdvance("n"))
+        name.setMinimumWidth(MIN_NAME_LETTERS * self.fontMetrics().horizontalAdvance("n"))
         name.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         name.setAccessibleName(f"{candidate.effect.words}: show what it explains")
         share = math.log10(1.0 + max(0.0, _evidence(candidate))) / math.log10(1.0 + max(most, 10.0))

@@ -11,11 +11,11 @@ from app.window.widgets import set_tone, text_label
 from app.words import DASH, MILD_FLAGS, localised_number, number
 from levimass import is_drive
 
-MOST_DIGITS = 7  # most digits readable from a distance
+MAX_DIGITS = 7  # most digits readable from a distance
 _SHOWN = [number for group in Group for number in shown_numbers(group) if number.large]
 COLLISION = tuple(number for number in _SHOWN if number.group is not Group.DRIVE)
 DRIVEN = tuple(number for number in _SHOWN if number.group is Group.DRIVE)
-LEAST_PX, SPARE = 12, 0.92
+MIN_PX, SPARE = 12, 0.92
 
 
 class LargePanel(QWidget):
@@ -82,19 +82,19 @@ class LargePanel(QWidget):
         columns = [max(metrics.horizontalAdvance(cells[place].text()) for cells in shown) for place in range(3)]
         lines = len(self._rows) + 1.4
         size = SPARE * min(100.0 * width / (sum(columns) + 1.0), 100.0 * height / (lines * metrics.height()))
-        font.setPixelSize(max(LEAST_PX, int(size)))
+        font.setPixelSize(max(MIN_PX, int(size)))
         for cells in self._cells:
             for cell in cells:
                 cell.setFont(font)
         title = QFont(self.font())
-        title.setPixelSize(max(LEAST_PX, int(0.5 * size)))
+        title.setPixelSize(max(MIN_PX, int(0.5 * size)))
         room = QFontMetricsF(title).horizontalAdvance(self._title.text())
-        title.setPixelSize(max(LEAST_PX, int(title.pixelSize() * min(1.0, width / (room + 1.0)))))
+        title.setPixelSize(max(MIN_PX, int(title.pixelSize() * min(1.0, width / (room + 1.0)))))
         self._title.setFont(title)
 
 
 def plain_digits(reading: Reading | None, scale: float = 1.0) -> str:
-    """Return a number rounded to its first uncertain digit, at most ``MOST_DIGITS`` digits; a dash if not measured."""
+    """Return a number rounded to its first uncertain digit, at most ``MAX_DIGITS`` digits; a dash if not measured."""
     if not isinstance(reading, Quantity):
         return DASH
     text = str(reading.scaled(scale)).partition(" ±")[0]
@@ -103,5 +103,5 @@ def plain_digits(reading: Reading | None, scale: float = 1.0) -> str:
     if "." in text:
         digits = sum(letter.isdigit() for letter in text)
         decimals = len(text.partition(".")[2])
-        text = f"{reading.value * scale:.{max(0, decimals - max(1, digits - MOST_DIGITS))}f}"
+        text = f"{reading.value * scale:.{max(0, decimals - max(1, digits - MAX_DIGITS))}f}"
     return localised_number(text)

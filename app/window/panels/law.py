@@ -7,7 +7,7 @@ import numpy as np
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QFormLayout, QGridLayout, QLabel, QLineEdit, QWidget
 
-from analysis.collision import FUNCTIONS, MOST_PARAMETERS, LawError, law_from_table
+from analysis.collision import FUNCTIONS, MAX_PARAMETERS, LawError, law_from_table
 from analysis.diagnosis import LearnedLaw
 from analysis.shot import Shot
 from app.report import law_columns
@@ -29,10 +29,10 @@ from app.window.widgets import (
 )
 from app.words import localised_text, prefix_for, short_name, typed_number
 
-MOST_FORMS = 4
+MAX_FORMS = 4
 ALONG = CursorAxis("mm", "mm")
 EDGES, FREE = LineStyle("band_edge", width=1), LineStyle("measured", width=1)
-OTHERS = [series(index + 2) for index in range(MOST_FORMS)]
+OTHERS = [series(index + 2) for index in range(MAX_FORMS)]
 
 
 class LawCurve(QWidget):
@@ -102,7 +102,7 @@ class LawCurve(QWidget):
         self._curve.show_points(x, force_scale * law.curve_force_n)
         self._form.show_points(x, force_scale * law.form_force_n)
         self._form.label = law.nearest_form
-        others = [other for other in law.other_forms if other.curve_force_n is not None][:MOST_FORMS]
+        others = [other for other in law.other_forms if other.curve_force_n is not None][:MAX_FORMS]
         self.compare.setEnabled(bool(others))
         for curve, other in zip(self._others, others, strict=False):
             if self.compare.isChecked():
@@ -170,7 +170,7 @@ class LawSheet(Sheet):
             grid.setColumnStretch(place, (6, 5, 5, 5, 5, 0)[place])  # the name needs most room
         self.own: list[QCheckBox] = []
         self.parameters: list[dict[str, QLineEdit]] = []
-        for row in range(1, 1 + MOST_PARAMETERS):
+        for row in range(1, 1 + MAX_PARAMETERS):
             editors = {name: self._line(f"Parameter {row}, {name}", shown) for name, shown in PARAMETER_COLUMNS}
             for place, editor in enumerate(editors.values()):
                 grid.addWidget(editor, row, place)

@@ -25,13 +25,13 @@ FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
 UM_PER_S = 1e6
 CRITERIA = ("VC-A", "VC-B", "VC-C", "VC-D", "VC-E", "VC-F", "VC-G")
 LABELLED = ("VC-A", "VC-D", "VC-G")  # all seven names would overlap
-MOST_LINES = 4
+MAX_LINES = 4
 NO_FLOOR = "Floor vibration: leave the block at rest for one to two seconds."
 
 
 def line_words(floor: SiteFloor) -> list[str]:
     """Return the strongest spectral lines with their probable causes, one text per line."""
-    strongest = sorted(floor.lines, key=lambda line: -line.amplitude_m * line.frequency_hz)[:MOST_LINES]
+    strongest = sorted(floor.lines, key=lambda line: -line.amplitude_m * line.frequency_hz)[:MAX_LINES]
     return [
         f"{localised_number(f'{line.frequency_hz:.2f}')} Hz  {with_prefix(line.amplitude_m, 'm')}  {line.cause}"
         for line in sorted(strongest, key=lambda line: line.frequency_hz)
@@ -102,7 +102,7 @@ class SiteFloorPanel(Themed, QWidget):
 
 
 WINDOW_MS = 2000.0  # fixed, so that the axis does not move
-LEAST_RAW = 9  # least height of the raw signals, in lines of text
+MIN_RAW = 9  # least height of the raw signals, in lines of text
 DIGITS_S = 0.19  # least stream time between updates of digits and raw signals, so that they can be read
 RAW_SHOWN = 150  # samples shown of each raw signal: about forty periods of the beat
 ROWS = (
@@ -195,7 +195,7 @@ class LivePanel(QWidget):
         """Show the raw signals if there is room."""
         super().resizeEvent(event)
         room = self.stack.geometry().bottom() - self.hold.geometry().bottom()
-        self.raw.setVisible(room >= LEAST_RAW * self.fontMetrics().lineSpacing())
+        self.raw.setVisible(room >= MIN_RAW * self.fontMetrics().lineSpacing())
         if self._draw_due is not None and not self.raw.isHidden():
             self._draw_due()
 

@@ -9,7 +9,7 @@ from analysis.planning import NextShot, PlannedStep, PlanningState, first_indist
 from app.window.widgets import FlowLayout, added, clear_layout, push_button, text_label, vertical
 from app.words import localised_text
 
-MOST_TRIED = 3
+MAX_TRIED = 3
 OPEN = (Verdict.UNEXPLAINED, Verdict.PARTLY_EXPLAINED)
 ANOTHER_SHOT = (
     "more shots at other speeds, half and twice as fast: effects that depend on speed, position or time "
@@ -42,7 +42,7 @@ class NextSteps(QWidget):
             return
         named = {found.effect for found in diagnosis.effects} | set(in_model)
         left = [c for c in diagnosis.candidates if c.effect not in named and c.parameters]
-        for candidate in sorted(left, key=lambda c: -abs(c.score))[:MOST_TRIED]:
+        for candidate in sorted(left, key=lambda c: -abs(c.score))[:MAX_TRIED]:
             remark = f" ({said})" if (said := remark_on(candidate)) else ""
             hover = f"Add it to the model although it failed a test{remark}; it is marked as tried"
             words = f"Try {candidate.effect.words}"

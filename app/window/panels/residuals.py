@@ -24,7 +24,7 @@ from app.window.widgets import add_row, added, push_button, text_label, vertical
 from app.words import Markup, joined, lines, number, prefix_for, repeatability_words, short_name, tag
 from levimass import is_drive
 
-MOST_COMPARED_SHOTS = 4  # most shots in the comparison of two candidates
+MAX_COMPARED_SHOTS = 4  # most shots in the comparison of two candidates
 
 
 def explained(left_m: Floats, curve_m: Floats) -> Overlay:
@@ -129,7 +129,7 @@ class ResidualOverlay(Themed, QWidget):
     def _draw_pair(self, first: CandidateResidual, second: CandidateResidual) -> None:
         assert self._diagnosis is not None
         cells = []
-        for place, cell in enumerate(self._cells(self._diagnosis)[:MOST_COMPARED_SHOTS]):
+        for place, cell in enumerate(self._cells(self._diagnosis)[:MAX_COMPARED_SHOTS]):
             for remainder in (first, second):
                 left = remainder.left_m[place] if remainder.left_m is not None else cell.after_m
                 title = f"{cell.title}: {remainder.effect.words}"

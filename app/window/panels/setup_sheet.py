@@ -24,7 +24,7 @@ from instrument.devices import Check, FoundDevice, Grade
 
 TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
 BENCH = FoundDevice("bench", "Simulated bench", "no device needed")
-MOST_CHECKS = 6
+MAX_CHECKS = 6
 TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "Light switch", "site": "Site"}
 
 
@@ -78,7 +78,7 @@ class SetupSheet(Sheet):
         column.addSpacing(10)
         column.addWidget(text_label("2   CHECK THE SIGNALS, THE BLOCK AT REST", self, heading=True))
         self._lines: list[QLabel] = []
-        for _ in range(MOST_CHECKS):
+        for _ in range(MAX_CHECKS):
             line = text_label("", self, selectable=True, wrap=True)
             line.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
             line.setAlignment(Qt.AlignmentFlag.AlignTop)

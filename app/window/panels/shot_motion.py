@@ -22,7 +22,7 @@ RESIDUALS = (
     ("velocity", "Residual of velocity", "m/s"),
     ("displacement", "Residual of displacement", "m"),
 )
-LEAST_SIGNIFICANT_RATIO = (
+MIN_SIGNIFICANT_RATIO = (
     2.0  # least significant rms of a residual over its band; slow site vibration alone reaches up to 2
 )
 BOUNCE_MS = 0.6  # time shown on each side of a clicked bounce
@@ -106,7 +106,7 @@ class MotionView(QObject):
             return
         band, _ = verdict_band(shot, self._judged_by)
         sizes = [_size(*_residual_of(shot.motion, shot.fit, kind, band)) for kind, _, _ in RESIDUALS]
-        chosen = int(np.argmax(sizes)) if max(sizes) > LEAST_SIGNIFICANT_RATIO else 0
+        chosen = int(np.argmax(sizes)) if max(sizes) > MIN_SIGNIFICANT_RATIO else 0
         self.kind.blockSignals(True)
         self.kind.setCurrentIndex(chosen)
         self.kind.blockSignals(False)

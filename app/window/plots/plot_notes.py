@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _IN_FRONT = 15  # z value: above the curves, below the cursors
 _NEAR_PX = 9  # greatest distance from a note's dot at which a click selects the note
 _EDITOR_WIDTH = 24  # in characters
-_LEAST_HEIGHT = 4  # least height of a plot, in heights of the text, for showing it; in a lower plot it is a tooltip
+_MIN_HEIGHT = 4  # least height of a plot, in heights of the text, for showing it; in a lower plot it is a tooltip
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,7 +182,7 @@ class _DrawnNote:
         return bool(self._text.isVisible())
 
     def _fit(self, *_: object) -> None:
-        self._text.setVisible(self.plot.view.height() >= _LEAST_HEIGHT * self._text.boundingRect().height())
+        self._text.setVisible(self.plot.view.height() >= _MIN_HEIGHT * self._text.boundingRect().height())
 
     def apply_colours(self, colours: Colours) -> None:
         self._dot.setBrush(pg.mkBrush(colours.cursor_a))

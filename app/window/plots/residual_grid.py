@@ -161,7 +161,7 @@ class ResidualGrid(Themed, QWidget):
         painter.drawPolyline(points)
 
 
-LEAST_DECADES = 0.7  # least decades beyond the linear part
+MIN_DECADES = 0.7  # least decades beyond the linear part
 
 
 @dataclass(frozen=True, slots=True)
@@ -191,4 +191,4 @@ def scale_of(curves: Sequence[Floats], noise: float) -> SymLog:
     """Return a common scale for the curves that is linear up to the noise."""
     sizes = [float(np.nanmax(np.abs(curve))) for curve in curves if curve.size and np.isfinite(curve).any()]
     linear = noise if math.isfinite(noise) and noise > 0.0 else max(sizes, default=1.0) / 100.0 or 1.0
-    return SymLog(linear, max([*sizes, linear * 10.0**LEAST_DECADES]))
+    return SymLog(linear, max([*sizes, linear * 10.0**MIN_DECADES]))

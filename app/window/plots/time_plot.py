@@ -17,7 +17,7 @@ from app.window.theme import Colours
 
 _ROOM = 1.5  # ratio of a steady axis' span to that of the values, so that noise does not move the axis
 _LOOSEST = 4.0  # ratio of a steady axis' span to that of the values above which the axis is fitted again
-LEAST_NAMED_LINES = 4  # least height of a plot with labelled levels, in lines of text
+MIN_NAMED_LINES = 4  # least height of a plot with labelled levels, in lines of text
 
 
 class TimePlot(FramedPlot):
@@ -106,7 +106,7 @@ class TimePlot(FramedPlot):
 
     def _name_levels(self) -> None:
         for line in self._levels:  # a low plot has no room for labels
-            line.label.setVisible(self.view.height() > LEAST_NAMED_LINES * line.label.boundingRect().height())
+            line.label.setVisible(self.view.height() > MIN_NAMED_LINES * line.label.boundingRect().height())
 
     @Slot()
     def fit_y(self, *, anew: bool = False) -> None:

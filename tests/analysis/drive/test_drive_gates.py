@@ -130,7 +130,7 @@ def test_a_search_adds_so_many_laws_at_most_to_those_that_are_accepted(
     def force(x: Floats, v: Floats) -> Floats:
         return 20.0 * np.sign(v) + 2e4 * x**3 + 150.0 * v * np.abs(v)
 
-    monkeypatch.setattr(law_search, "MOST_LAWS", most)
+    monkeypatch.setattr(law_search, "MAX_LAWS", most)
     told: list[float] = []
     table = table_of(Drive(force, encoder_m=1e-6, seconds=20.0))
     found = law_search.search_laws(Split.of(table), accepted, told.append)

@@ -112,7 +112,7 @@ def test_records_too_short_for_their_filter_are_refused(lasts: bool, monkeypatch
     (part,) = prepare([motion])
     ends_s = 10.0 / part.bandwidth_hz
     whole = round(part.used.size * RATE_HZ / (3.0 * part.bandwidth_hz))
-    monkeypatch.setattr(module, "FEWEST_SAMPLES", whole if lasts else whole + 1)
+    monkeypatch.setattr(module, "MIN_SAMPLES", whole if lasts else whole + 1)
     if lasts:
         assert prepare([motion])[0].used.tolist() == part.used.tolist()
     else:

@@ -8,7 +8,7 @@ import pytest
 
 from analysis.reading import both_flights
 from analysis.reading.both_flights import _polynomials, _unweighted, find_knocks, read_flights
-from analysis.reading.flight import MOST_BINS, Bins, Flight, binned, fit_flight, select
+from analysis.reading.flight import MAX_BINS, Bins, Flight, binned, fit_flight, select
 from analysis.shot.motion import Motion
 from tests.analysis.synthetic_collision import Synthetic, motion_from
 
@@ -94,7 +94,7 @@ def test_bins_are_means_of_half_a_millisecond_counted_from_the_contact_outwards(
 def test_bins_are_longer_where_there_would_be_too_many_and_few_samples_have_the_stated_noise() -> None:
     motion = replace(parabola(), displacement_std_m=np.full(TIME_S.size, 7e-10))
     long = binned(motion, (0, 599), None)
-    assert long.each == 6 and long.time_s.size == 100 <= MOST_BINS
+    assert long.each == 6 and long.time_s.size == 100 <= MAX_BINS
     assert long.into.all()
     for samples, stated in ((33, True), (39, False)):  # third differences are three fewer
         bins = binned(motion, (100, 99 + samples), None)

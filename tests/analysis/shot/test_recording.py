@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.shot.recording import MOST_GAPS, SETUP_KEYS, Air, Channel, Gap, Recording, Role, Setup, corrected_setup
+from analysis.shot.recording import MAX_GAPS, SETUP_KEYS, Air, Channel, Gap, Recording, Role, Setup, corrected_setup
 
 COUNTS = np.zeros((1000, 3), np.int16)
 CHANNELS = (Channel(Role.SWITCH, 1e-3), Channel(Role.MEASUREMENT, 1e-4), Channel(Role.REFERENCE, 1e-4))
@@ -35,9 +35,9 @@ def test_losses_beyond_the_samples_there_are_count_as_of_unknown_length() -> Non
     assert found == (Gap(100, 600), Gap(200, 400), Gap(300, None), Gap(400, None))
 
 
-@pytest.mark.parametrize("count", [MOST_GAPS, MOST_GAPS + 1])
+@pytest.mark.parametrize("count", [MAX_GAPS, MAX_GAPS + 1])
 def test_of_more_than_three_hundred_gaps_no_length_is_known(count: int) -> None:
-    assert MOST_GAPS == 300
+    assert MAX_GAPS == 300
     found = replace(PLAIN, gaps=tuple(Gap(k + 1, 1) for k in range(count))).bridgeable_gaps
     assert len(found) == count and {gap.samples_lost for gap in found} == {1 if count <= 300 else None}
 

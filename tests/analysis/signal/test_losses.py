@@ -132,6 +132,6 @@ def test_a_kink_beside_a_loss_that_is_known_or_found_is_that_loss() -> None:
 
 @pytest.mark.parametrize("most", [2, 3])
 def test_what_loses_too_often_is_no_digitizer_that_skips(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("analysis.signal.losses.MOST_LOSSES", most)
+    monkeypatch.setattr("analysis.signal.losses.MAX_LOSSES", most)
     found = find_losses(without_samples(recording_of(SHORT), {40_000: 1, 80_000: 2, 120_000: 3}), REST_HZ)
     assert len(found) == (3 if most == 3 else 0)

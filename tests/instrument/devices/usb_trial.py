@@ -203,7 +203,7 @@ def apart() -> dict:
 def hang() -> dict:
     """A control request of opening, arming or stopping is never answered, under ``levimass --acquire``."""
     bed = Testbed()
-    acquire.LEAST_ARMING_S = device_process.END_S = timeout_s = 1.0
+    acquire.MIN_ARMING_S = device_process.END_S = timeout_s = 1.0
     ended = {}
     for number, (what, request) in enumerate({"opening": 1, "arming": 5, "stopping": 8}.items(), 1):
         model = WarmHantek()

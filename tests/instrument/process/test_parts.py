@@ -742,7 +742,7 @@ def test_a_child_that_is_to_give_up_has_five_seconds_and_is_then_ended(monkeypat
 def test_a_child_announces_no_more_blocks_than_its_pipe_holds(
     memory: SharedRing, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(child_module, "MOST_BLOCKS", 2)
+    monkeypatch.setattr(child_module, "MAX_BLOCKS", 2)
     served, told = _armed(FakeDigitizer(), memory)
     for _ in range(4):
         served._turn()

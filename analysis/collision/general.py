@@ -278,11 +278,11 @@ def _limits(rates: FastestRates, effects: Sequence[ActiveEffect], stride: float)
     def longest(base: float, own: float) -> float:
         return min(stride * min(_BASE_STEP / max(base, 1e-9), _HIDDEN_STEP / max(own, 1e-9)), _LONGEST_S)
 
-    safe = [longest(rates.contact, rates.every), longest(rates.plate, rates.every)]
-    safe += [longest(0.0, rates.inside), _LONGEST_S]
+    safe = [longest(rates.contact, rates.effects), longest(rates.plate, rates.effects)]
+    safe += [longest(0.0, rates.on_block), _LONGEST_S]
     # A law that is not smooth at the start of the overlap may have an infinite slope there, and the error of a step
     # grows with its length.  Short steps are therefore taken before and after.
     rough = any(active.effect.rough for active in effects)
     growth, nearing, shortest = (1.6, 0.4, 1e-8) if rough else (3.0, 0.0, 1e-4)
     allowed = _ERROR_M * stride**_ORDER
-    return np.array([*safe, *rates.of_modes, longest(0.0, rates.every), growth, nearing, allowed, shortest])
+    return np.array([*safe, *rates.of_modes, longest(0.0, rates.effects), growth, nearing, allowed, shortest])

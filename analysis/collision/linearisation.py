@@ -92,8 +92,8 @@ def linear_path(collision: Collision, active: Sequence[ActiveEffect], time_s: Fl
     """
     fastest = fastest_rates(collision, active)
     spacing = float(time_s[1] - time_s[0])
-    apart = max(steps, math.ceil(max(fastest.plate, fastest.every) * spacing / _SWING))
-    pieces = apart * math.ceil(max(steps, max(fastest.contact, fastest.every) * spacing / _SWING) / apart)
+    apart = max(steps, math.ceil(max(fastest.plate, fastest.effects) * spacing / _SWING))
+    pieces = apart * math.ceil(max(steps, max(fastest.contact, fastest.effects) * spacing / _SWING) / apart)
     if pieces > MAX_PIECES:
         raise Infeasible("an oscillation is too fast for the sampling of the record")
     # Without effects the block's turn is not an event.  For the effects under test it may be: a zero force adds it.

@@ -53,7 +53,7 @@ from analysis.collision.system import (
     STEPS_LEFT,
     TIME,
     Ahead,
-    Motion,
+    MotionState,
     Record,
     State,
     System,
@@ -269,7 +269,7 @@ def motion_of(here, effects, room, at):  # type: ignore[no-untyped-def]
     clock, at = cut(room, at, (3,))
     nothing, at = cut_integers(room, at, (1,))
     nothing[0] = -1
-    return Motion(here, there, aside, mode, signs, ends, clock, nothing), at
+    return MotionState(here, there, aside, mode, signs, ends, clock, nothing), at
 
 
 def room_for(system: System, record: Record) -> int:

@@ -17,7 +17,7 @@ _SAME = 1e-11  # relative tolerance within which test states must give the same 
 STEP_S, STEPS_PER_SAMPLE, TERMS, SLOW = 0, 1, 2, 3
 
 
-class Form(NamedTuple):
+class ModeMatrices(NamedTuple):
     """The matrices of a mode: A, shape (n + 1, n + 1), its derivatives, and guard functions and their rates as rows.
 
     Then exp(A h) of a step and its derivatives, those of a block of steps, the output matrix, shape (m, n + 1), and
@@ -38,7 +38,7 @@ class Form(NamedTuple):
     steps: Floats
 
 
-class StoredForms(NamedTuple):
+class StoredMatrices(NamedTuple):
     """The forms of several modes along the first axis: ``square`` holds A and exp(A h) of a step and of a block.
 
     ``d`` holds the derivatives of both, ``guard`` the guard functions and their rates, ``shown`` outputs and means.
@@ -80,7 +80,7 @@ def forms_of(modes, n, count, guards, shown, room, at):  # type: ignore[no-untyp
     what, at = cut(room, at, (modes, 2, shown, m))
     d_mean, at = cut(room, at, (modes, m, wide))
     steps, at = cut(room, at, (modes, 4))
-    return StoredForms(square, by, d, guard, what, d_mean, steps), at
+    return StoredMatrices(square, by, d, guard, what, d_mean, steps), at
 
 
 @part
@@ -99,7 +99,7 @@ def room_of(n, count, room, at):  # type: ignore[no-untyped-def]
 def form_at(stored, at):  # type: ignore[no-untyped-def]
     """Return one of the stored forms."""
     square, d, guard, shown = stored.square[at], stored.d[at], stored.guard[at], stored.shown[at]
-    return Form(
+    return ModeMatrices(
         square[0], stored.by[at], guard[0], guard[1], square[1], d[0], square[2], d[1], shown[0], shown[1],
         stored.d_mean[at], stored.steps[at],
     )  # fmt: skip

@@ -80,20 +80,20 @@ def function_of(row: Effect, collision: Collision) -> tuple[Kernel, Acts]:
 class FastestRates:
     """The fastest rates in rad/s: of the bodies in ``contact``, of the ``plate`` alone, and of the effects.
 
-    ``bodies`` is that in contact without effects, ``every`` the fastest of all effects, and ``inside`` that of effects
-    on the block, which continue after the release.
+    ``bodies`` is that in contact without effects, ``effects`` that of all effects alone, and ``on_block`` that of
+    effects on the block, which continue after the release.
     """
 
     bodies: float
     contact: float
     plate: float
-    every: float
-    inside: float
+    effects: float
+    on_block: float
 
     @property
     def of_modes(self) -> tuple[float, float, float, float]:
         """Get the fastest rates in contact, apart, after the block has left for good, and before the touch."""
-        return math.hypot(self.contact, self.every), math.hypot(self.plate, self.every), self.inside, 0.0
+        return math.hypot(self.contact, self.effects), math.hypot(self.plate, self.effects), self.on_block, 0.0
 
 
 def fastest_rates(collision: Collision, effects: Sequence[ActiveEffect]) -> FastestRates:
@@ -110,8 +110,8 @@ def fastest_rates(collision: Collision, effects: Sequence[ActiveEffect]) -> Fast
         bodies=max(math.sqrt(spring + plate), decay),
         contact=max(math.sqrt(factor * spring + plate), decay),
         plate=math.sqrt(plate),
-        every=max((rate for rate, _ in each), default=0.0),
-        inside=max((rate for rate, block in each if block), default=0.0),
+        effects=max((rate for rate, _ in each), default=0.0),
+        on_block=max((rate for rate, block in each if block), default=0.0),
     )
 
 

@@ -25,7 +25,7 @@ from analysis.collision.matrices import (
     STEPS_PER_SAMPLE,
     TERMS,
     Room,
-    StoredForms,
+    StoredMatrices,
     columns,
     form_at,
     forms_of,
@@ -81,7 +81,7 @@ class Propagator(NamedTuple):
 
     swings: Floats
     spacing_s: float
-    kept: StoredForms
+    kept: StoredMatrices
     modes: Floats
     at: Integers
     active: Integers

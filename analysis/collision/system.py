@@ -51,7 +51,7 @@ class State(NamedTuple):
     contact: Floats
 
 
-class Motion(NamedTuple):
+class MotionState(NamedTuple):
     """The progress of a solution: the state at the start of a step, the one at its end, and one for other uses.
 
     ``mode`` are the flags of the mode, ``signs`` the signs of the guard functions in it, ``ends`` the guard functions

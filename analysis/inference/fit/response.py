@@ -98,7 +98,7 @@ class ShotModel:
         The model itself can have oscillations that no sample shows; a search must avoid these parameters.
         """
         fastest = min(math.pi * self.samples.factor, _MAX_RADIANS_A_SAMPLE) / self.samples.spacing_s
-        return max(self.rates.contact, self.rates.every) > fastest
+        return max(self.rates.contact, self.rates.effects) > fastest
 
     def path(self, steps: int) -> LinearPath:
         """Return the linearised trajectory in at least ``steps`` per averaged sample; Infeasible if too many."""
@@ -192,7 +192,7 @@ def _solved(shot: ShotModel, time_s: Floats, directions: Sequence[int], stride: 
     collision, length_s = shot.collision, time_s[-1] - time_s[0]
     if shot.rates.bodies * length_s > _MAX_RADIANS:
         raise Infeasible("the contact would swing faster than any that a record can show")
-    if shot.rates.every * length_s > _MAX_RADIANS:
+    if shot.rates.effects * length_s > _MAX_RADIANS:
         raise Infeasible("an effect would swing faster than any that a record can show")
     times = time_s - shot.own[1]
     try:

@@ -82,7 +82,7 @@ class WeightedModel(SearchVector):
         shot, samples = self._slow_shot(index, point), self.data.shots[index]
         if laws:
             alone, shot = shot, shot.with_laws(laws)
-            if shot.rates.every > max(alone.rates.every, math.pi / samples.spacing_s):
+            if shot.rates.effects > max(alone.rates.effects, math.pi / samples.spacing_s):
                 raise Infeasible("a law would move something faster than the averaged samples show")
         stride = STRIDE if derivatives else self.stride
         return respond(shot, samples.time_s, block=samples.factor, derivatives=derivatives, stride=stride)

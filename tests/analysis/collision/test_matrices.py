@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision import matrices, modes, rates, system
 from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, OUTPUTS, STATES, V, X
-from analysis.collision.matrices import Form
+from analysis.collision.matrices import ModeMatrices
 from analysis.collision.modes import CONTACT, FREE, NEAR_0, PLATE, RANGE_0
 from analysis.collision.system import FIRST, RANGE_AT, RATE_AT, SLOT_COLUMNS, System
 from tests.analysis.collision.plain import made_plain
@@ -35,7 +35,7 @@ def plain(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rates, "call_within", called)
 
 
-def learned(made: System, phase: int = CONTACT, plate: float = 1.0) -> Form | None:
+def learned(made: System, phase: int = CONTACT, plate: float = 1.0) -> ModeMatrices | None:
     """Return the matrices of a mode, or None where it is not linear."""
     count, guards = made.which.size, RANGE_0 + made.slots.shape[0]
     room = np.full(100_000, np.nan)

@@ -59,7 +59,7 @@ def test_the_fastest_rates_are_those_of_block_contact_and_plate() -> None:
     found = fastest_rates(c, [])
     assert exact <= found.contact < 1.02 * exact
     assert found.plate == pytest.approx(math.sqrt(c.plate_stiffness_n_per_m / c.plate_mass_kg))
-    assert (found.every, found.inside) == (0.0, 0.0)
+    assert (found.effects, found.on_block) == (0.0, 0.0)
     damped = replace(c, contact_damping_n_s_per_m=100.0)
     assert fastest_rates(damped, []).contact == pytest.approx(100.0 * (1 / c.block_mass_kg + 1 / c.plate_mass_kg))
     arm, mode = (
@@ -67,9 +67,9 @@ def test_the_fastest_rates_are_those_of_block_contact_and_plate() -> None:
         ActiveEffect(effect_named("block_mode"), (1e-3, 300.0, 0.01)),
     )
     both = fastest_rates(c, [arm, mode])
-    assert (both.every, both.inside) == pytest.approx((1e4, 600 * math.pi))
+    assert (both.effects, both.on_block) == pytest.approx((1e4, 600 * math.pi))
     assert both.of_modes == pytest.approx(
-        (math.hypot(both.contact, 1e4), math.hypot(both.plate, 1e4), both.inside, 0.0)
+        (math.hypot(both.contact, 1e4), math.hypot(both.plate, 1e4), both.on_block, 0.0)
     )
     stiffer = fastest_rates(c, [ActiveEffect(effect_named("contact_exponent"), (0.5,))]).contact
     assert stiffer == pytest.approx(math.sqrt(3.0 * found.contact**2 - 2.0 * found.plate**2))

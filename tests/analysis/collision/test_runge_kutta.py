@@ -34,7 +34,7 @@ from analysis.collision.system import (
     STEPS_LEFT,
     TIME,
     Ahead,
-    Motion,
+    MotionState,
     State,
 )
 from tests.analysis.collision.plain import made_plain
@@ -310,7 +310,7 @@ class Falling:
         here.z[0] = gap, speed, 0.0, 0.0
         self.mode = np.zeros(NEAR_0)
         self.mode[[PHASE, PLATE]] = FREE, 1.0
-        self.motion = Motion(
+        self.motion = MotionState(
             here, there, there, self.mode, np.array([-1.0, 0.0, 0.0, 0.0]), np.zeros((4, 2)), np.array([0.0, 0.0, 1e9]),
             np.array([-1]),
         )  # fmt: skip

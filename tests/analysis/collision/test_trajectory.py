@@ -82,7 +82,7 @@ def test_means_are_over_whole_blocks() -> None:
 @pytest.mark.parametrize("stride", [1.0, 2.0])
 def test_steps_are_bounded_by_the_fastest_oscillation_of_each_mode(stride: float) -> None:
     """A seventh of a radian of the bodies, a fifth of an effect's own, a millisecond at most."""
-    rates = FastestRates(bodies=2000.0, contact=2000.0, plate=1000.0, every=5000.0, inside=500.0)
+    rates = FastestRates(bodies=2000.0, contact=2000.0, plate=1000.0, effects=5000.0, on_block=500.0)
     smooth = ActiveEffect(effect_named("viscous_drag"), (1.0,))
     limits = general._limits(rates, [smooth], stride)
     own = 0.22 / 5000.0
@@ -91,7 +91,7 @@ def test_steps_are_bounded_by_the_fastest_oscillation_of_each_mode(stride: float
     np.testing.assert_allclose(limits[SWINGS : SWINGS + 4], rates.of_modes)
     assert limits[EFFECTS] == pytest.approx(stride * own) and limits[ALLOWED] == pytest.approx(1e-18 * stride**12)
     assert (limits[GROWTH], limits[NEARING], limits[SHORTEST]) == (3.0, 0.0, 1e-4)
-    fast = general._limits(FastestRates(bodies=9000.0, contact=9000.0, plate=1.0, every=0.0, inside=0.0), [], stride)
+    fast = general._limits(FastestRates(9000.0, 9000.0, 1.0, 0.0, 0.0), [], stride)
     np.testing.assert_allclose(fast[SAFE : SAFE + 4], [stride * 0.14 / 9000.0, 1e-3, 1e-3, 1e-3])
     rough = general._limits(rates, [smooth, ActiveEffect(effect_named("contact_exponent"), (0.1,))], stride)
     assert (rough[GROWTH], rough[NEARING], rough[SHORTEST]) == (1.6, 0.4, 1e-8)

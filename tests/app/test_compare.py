@@ -61,6 +61,11 @@ def test_of_one_shot_there_is_no_spread_and_of_none_no_trend(trend) -> None:
     assert left < 0.3 < right < 0.31 and low < 28.0 < high < 28.01
 
 
+def test_a_mean_of_zero_has_no_relative_spread(trend) -> None:
+    said = trend.show_trend(PEAK, [_shot(0.2, -1e-3), _shot(0.3, 1e-3)])
+    assert said.startswith("2 shots: mean 0 ms, spread 1.41; bars") and "%" not in said
+
+
 @pytest.fixture
 def panel(qtbot):
     panel = ComparePanel()

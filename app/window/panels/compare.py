@@ -77,10 +77,10 @@ class TrendPlot(PlainPlot):
             return "One shot: select several to see the spread."
         spread, mean = float(ys.std(ddof=1)), float(ys.mean())
         unit = f" {trend.shown_unit}" if trend.shown_unit else ""
+        share = f" ({localised_number(f'{100 * spread / abs(mean):.2g}')} %)" if mean else ""
         return (
-            f"{len(y)} shots: mean {number(mean, 6)}{unit}, spread {number(spread, 3)} "
-            f"({localised_number(f'{100 * spread / abs(mean):.2g}')} %); bars: ± from each shot's noise only, "
-            f"{number(float(halves.mean()), 2)} on average"
+            f"{len(y)} shots: mean {number(mean, 6)}{unit}, spread {number(spread, 3)}{share}; "
+            f"bars: ± from each shot's noise only, {number(float(halves.mean()), 2)} on average"
         )
 
 

@@ -6,6 +6,7 @@ The restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) allows for
 vector searched is (ln white^2, ln s_1, ln s_2 ...); known white noise has a narrow prior.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -210,10 +211,8 @@ class RestrictedLikelihood:
 
     def fits(self, points: Floats) -> tuple[Floats, Floats]:
         """Return the q parameters fitted under each of p noise vectors, (p, q), and their covariances, (p, q, q)."""
-        halves = np.array_split(points, 2)  # one for each core, since there may be only one shot
-        parts = [(shot, half) for shot in self.shots for half in halves]
-        products = side_by_side(lambda part: [part[0].products(at) for at in part[1]], parts)
-        of_shots = [np.array([*one, *other]) for one, other in zip(products[::2], products[1::2], strict=True)]
+        each = side_by_side(lambda pair: pair[0].products(pair[1]), itertools.product(self.shots, points))
+        of_shots = [np.array(each[k : k + len(points)]) for k in range(0, len(each), len(points))]
         values, covariances, _ = self._parameters_under(of_shots, np.exp(points[:, 0]))
         return values, covariances
 

@@ -1,9 +1,9 @@
 """Find the other effects that could be meant instead of a found one.
 
-One kind is excluded: an effect whose parameters, fitted per shot, lie where another effect predicts them.
-A plate that swings when the block arrives has two parameters per shot.  With them it can imitate one shared parameter
-of another effect.  Each shot in which it does exactly that is a coincidence, which chi^2 does not count.  The evidence
-does (MacKay, "Information Theory, Inference, and Learning Algorithms", ch. 28): the likelihood averaged over a prior of
+One kind is excluded: an effect whose parameters, fitted per shot, lie where another effect predicts them.  A plate that
+swings when the block arrives has two parameters per shot.  With them it can imitate one shared parameter of another
+effect.  Each shot in which it does exactly that is a coincidence, which chi^2 does not count.  The evidence does
+(MacKay, "Information Theory, Inference, and Learning Algorithms", ch. 28): the likelihood averaged over a prior of
 these parameters.  The prior scatters about zero by the amount that the data favour most (empirical Bayes), which gives
 the effect every benefit.
 """

@@ -3,6 +3,7 @@ from .read import NoImpact, read_frame_motion, read_impact
 from .record_checks import check_collision, describe_motion, describe_reversal
 from .restricted_likelihood import (
     Curvature,
+    Likelihood,
     RestrictedLikelihood,
     ShotResidual,
     chain_precision,
@@ -18,6 +19,7 @@ __all__ = [
     "MIN_S",
     "SLOPE_SPAN",
     "Curvature",
+    "Likelihood",
     "NoImpact",
     "PlannedShot",
     "RestrictedLikelihood",

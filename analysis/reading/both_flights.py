@@ -72,8 +72,8 @@ def read_flights(
     straight, line = _unweighted(bins, polynomials, drags)
     observation = _observation(replace(bins, value_m=bins.value_m - line), drags)
     waves = [wave_of(bins, line) for line in before.lines] if before is not None else []
-    start = before.strengths if before is not None and before.strengths.size == observation.unknowns else None
-    estimate = observation.estimate_floor(design_matrix(bins, waves, polynomials), start)
+    starts = [flights.strengths for flights in (before,) if flights and flights.strengths.size == observation.unknowns]
+    estimate = observation.estimate_floor(design_matrix(bins, waves, polynomials), starts)
     if waves:
         waves = refined(bins, observation, waves, polynomials, estimate.best)
     if before is None and bins.time_s.size >= MIN_FOR_LINES:
@@ -83,11 +83,11 @@ def read_flights(
                 break
             waves, estimate = more
     design = design_matrix(bins, waves, polynomials)
-    solution, covariance = observation.solve(estimate.weights, estimate.points, design)
+    weights, points = estimate.mixture()
+    solution, covariance = observation.solve(weights, points, design)
     solution[: straight.size] += straight
     white = bins.std_m * np.sqrt(bins.each)
-    power = np.asarray(sum(w * p for w, p in zip(estimate.weights, observation.powers(estimate.points), strict=True)))
-    floor = FloorSpectrum(observation.octaves, power, white, motion.sample_rate_hz)
+    floor = FloorSpectrum(observation.octaves, weights @ observation.powers(points), white, motion.sample_rate_hz)
     degree = 3 if 2 in drags else 2  # columns of the incoming flight
     first, second = slice(0, degree), slice(degree, polynomials.shape[1])
     plain = np.linalg.inv(polynomials.T @ polynomials) * bins.std_m**2

@@ -1,12 +1,11 @@
 """Estimate strengths of white noise and of bands of random motion by restricted likelihood with a normal prior.
 
-A shot's residual is y = X b + sum_k sqrt(s_k) W_k u_k + white noise.  The columns of X are derivatives by free
-parameters b, which shots may share.  The columns of W_k are the responses to band k, and u_k are unit normal numbers.
-The restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) allows for motion absorbed by the parameters.  The
-vector searched is (ln white^2, ln s_1, ln s_2 ...); known white noise has a narrow prior.
+A shot's residual is y = X b + motion + white noise.  The columns of X are derivatives by free parameters b, which shots
+may share.  The motion has covariance sum_k s_k V_k, with V_k that of band k at strength one.  The restricted likelihood
+(Patterson & Thompson, Biometrika 58, 1971) allows for motion absorbed by the parameters.  The vector searched is
+(ln white^2, ln s_1, ln s_2 ...); known white noise has a narrow prior.
 """
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -14,15 +13,16 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import dgemm
+from scipy.linalg.lapack import dpotri
 
-from analysis.compiled import side_by_side, solve_triangle
+from analysis.compiled import solve_triangle
 from analysis.shot import Floats
 
 _ITERATIONS, _MOST = 20, 3.0  # most steps; largest step of a logarithm
 _ENOUGH, _LEAST = 5e-3, 1e-3  # first-order gain and actual gain of ln L by a step, below which the search ends
 _TRIES, _SHORTER = 5, 0.3  # trials of one step, and the length of each relative to the one before
 _GAIN_TOLERANCE = 0.15  # allowed deviation of actual over first-order gain from 1/2, its value for a correct curvature
+_NEAR = 0.5  # largest step of a logarithm over which a curvature is corrected instead of computed anew
 _MIN_LEVEL = 1e-3  # least eigenvalue of a curvature: priors make it larger unless rounding interferes
 
 
@@ -33,8 +33,8 @@ class ShotResidual:
     ``along``, shape (r, 1 + q), are both along the r orthonormal directions of the bands' motion; ``rest_products``,
     shape (1 + q, 1 + q), are the products of their components orthogonal to these directions.  ``samples`` counts all
     directions; ``logs`` is ln det of the whitening covariance.  ``places``, shape (q,), are the parameters' indices.
-    ``factors``, shape (r, m), map m unit normal numbers to the directions; ``shares``, shape (k, m), are these numbers'
-    variances by each band at strength one.  ``rounding`` is the relative increase of their covariance's diagonal.
+    ``bands``, shape (k, r, r), are the covariances of each band's motion along the directions at strength one;
+    ``rounding`` is the relative increase of the diagonal of their sum.
     """
 
     along: Floats
@@ -42,47 +42,52 @@ class ShotResidual:
     samples: int
     logs: float
     places: NDArray[np.intp]
-    factors: Floats
-    shares: Floats
+    bands: Floats
     rounding: float = 0.0
 
     def whitened(self, at: Floats) -> "_Whitened":
         """Return the shot whitened by its whole covariance; LinAlgError if that is singular to rounding."""
-        strength = np.exp(at[1:] - at[0])
-        power = strength @ self.shares
-        scaled = self.factors * np.sqrt(power)
-        root = root_of(scaled, self.rounding)
-        half = solve_triangle(root, self.along, lower=True)
-        waves = solve_triangle(root, scaled, lower=True, in_place=True)
-        of_band = strength[:, None] * (self.shares / power)
-        return _Whitened(root, waves, of_band, half, self.rest_products + half.T @ half)
+        root, half, products = self._whitened(at)
+        triangle, _ = dpotri(root.T)  # half of the symmetric inverse, zero elsewhere
+        inverse = triangle + triangle.T
+        np.einsum("ii->i", inverse)[:] *= 0.5
+        return _Whitened(root, half, products, inverse)
 
     def products(self, at: Floats) -> Floats:
         """Return the products of residual and derivatives, fully whitened, shape (1 + q, 1 + q)."""
-        scaled = self.factors * np.sqrt(np.exp(at[1:] - at[0]) @ self.shares)
-        half = solve_triangle(root_of(scaled, self.rounding), self.along, lower=True)
-        return np.asarray(self.rest_products + half.T @ half)
+        return self._whitened(at)[2]
+
+    def _whitened(self, at: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return the Cholesky factor of the covariance, ``along`` divided by it, and ``products``."""
+        motion = (np.exp(at[1:] - at[0]) @ self.flat_bands).reshape(self.bands.shape[1:])
+        root = root_of(motion, self.rounding)
+        half = solve_triangle(root, self.along, lower=True)
+        return root, half, np.asarray(self.rest_products + half.T @ half)
+
+    @property
+    def flat_bands(self) -> Floats:
+        """Get the bands' covariances as vectors, shape (k, r^2)."""
+        return self.bands.reshape(len(self.bands), -1)
 
 
 @dataclass(frozen=True, slots=True)
 class _Whitened:
     """A shot whitened by the covariance along its directions, in units of the white variance.
 
-    ``waves``, shape (r, m), are the bands' contributions; ``half``, shape (r, 1 + q), are residual and derivatives;
-    both are divided by the covariance's Cholesky ``root``.  ``of_band``, shape (k, m), is each band's share of each
-    number's variance; ``products``, shape (1 + q, 1 + q), are those of the fully whitened residual and derivatives.
+    ``root``, shape (r, r), is the covariance's Cholesky factor; ``half``, shape (r, 1 + q), are residual and
+    derivatives divided by it; ``products``, shape (1 + q, 1 + q), are those of the fully whitened residual and
+    derivatives; ``inverse``, shape (r, r), is the inverse covariance.
     """
 
     root: Floats
-    waves: Floats
-    of_band: Floats
     half: Floats
     products: Floats
+    inverse: Floats
 
 
 @dataclass(slots=True)
 class Curvature:
-    """The expected curvature of the log-likelihood by the logarithms, as last computed; None before."""
+    """The curvature of the log-likelihood by the logarithms, as last computed or corrected; None before."""
 
     value: Floats | None = None
 
@@ -92,7 +97,8 @@ class Likelihood:
     """Log-likelihood plus log prior at (ln white^2, ln strengths), its gradient, and intermediate results.
 
     ``covariance``, shape (q, q), is that of the fitted parameters; ``profile`` is log-likelihood plus log prior with
-    these at their best instead of marginalised; ``curvature`` is cached once computed.
+    these at their best instead of marginalised.  ``inverses``, shape (r, r) each, are each shot's inverse covariance
+    along its directions with the parameters marginalised, in units of the white variance; ``curvature`` is cached.
     """
 
     at: Floats
@@ -100,6 +106,7 @@ class Likelihood:
     slope: Floats
     profile: float = -math.inf
     whitened: tuple[_Whitened, ...] = ()
+    inverses: tuple[Floats, ...] = ()
     covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     curvature: Floats | None = None
 
@@ -117,37 +124,38 @@ class RestrictedLikelihood:
     def at(self, at: Floats) -> Likelihood:
         """Return log-likelihood plus log prior and its gradient at a vector; minus infinity if undefined.
 
-        Cost: r^2 (3 m + r / 3) multiply-adds per shot, r directions, m numbers.
+        Cost: r^2 (r + 2 k) multiply-adds per shot, r directions, k bands.
         """
         pull = self.precision @ at
         value = -0.5 * float(at @ pull)
         slope = -pull
         variance = math.exp(at[0])
         try:
-            whitened = tuple(side_by_side(lambda shot: shot.whitened(at), self.shots))
+            whitened = tuple(shot.whitened(at) for shot in self.shots)
             products = [one.products[None] for one in whitened]
             (values,), (covariance,), (half_logs,) = self._parameters_under(products, np.array([variance]))
         except np.linalg.LinAlgError:  # rounding breaks the factorisation for motion a billion times the white noise
             return Likelihood(at, -math.inf, slope)
         slope[0] += 0.5 * values.size
+        inverses = []
         for shot, one in zip(self.shots, whitened, strict=True):
             numbers = np.concatenate([[1.0], -values[shot.places]])
             square = float(numbers @ one.products @ numbers) / variance
-            across = one.waves.T @ one.half
+            across = one.inverse @ shot.along
             free = across[:, 1:]
-            known = np.einsum("ij,ij->j", one.waves, one.waves)
-            known -= np.einsum("ij,ij->i", free @ covariance[np.ix_(shot.places, shot.places)], free) / variance
-            measured = one.of_band @ (across @ numbers) ** 2 / variance
-            expected = one.of_band @ known
+            inverses.append(one.inverse - free @ (covariance[np.ix_(shot.places, shot.places)] / variance) @ free.T)
+            rest = across @ numbers
+            excess = np.outer(rest / variance, rest) - inverses[-1]  # measured less expected, zero on average
+            of_band = np.exp(at[1:] - at[0]) * (shot.flat_bands @ excess.ravel())
             logs = 2.0 * float(np.log(np.diag(one.root)).sum()) + shot.logs
             logs += shot.samples * math.log(2 * math.pi * variance)
             value -= 0.5 * (logs + square)
-            slope[1:] += 0.5 * (measured - expected)
-            slope[0] += 0.5 * (square - float(measured.sum()) - (shot.samples - float(expected.sum())))
-        return Likelihood(at, value - float(half_logs), slope, value, whitened, covariance)
+            slope[1:] += 0.5 * of_band
+            slope[0] += 0.5 * (square - shot.samples - float(of_band.sum()))
+        return Likelihood(at, value - float(half_logs), slope, value, whitened, tuple(inverses), covariance)
 
     def curvature(self, here: Likelihood) -> Floats:
-        """Return the expected curvature by the vector; cost: m^2 r multiply-adds per shot.
+        """Return the expected curvature by the vector; cost: k r^2 (r + k) multiply-adds per shot.
 
         The coupling of shots through shared parameters is neglected.  LinAlgError if the likelihood is undefined.
         """
@@ -155,33 +163,31 @@ class RestrictedLikelihood:
             return here.curvature
         if not here.whitened:
             raise np.linalg.LinAlgError("the parameters are not determined under this noise")
+        strength = np.exp(here.at[1:] - here.at[0])
 
         def of_shot(index: int) -> Floats:
-            shot, one = self.shots[index], here.whitened[index]
-            gram = one.waves.T @ one.waves
-            if shot.places.size:
-                taken = one.waves.T @ one.half[:, 1:]
-                told = taken @ here.covariance[np.ix_(shot.places, shot.places)]
-                # subtracted in place: writing another matrix of this size takes longer than the product
-                dgemm(-math.exp(-here.at[0]), told, taken, beta=1.0, c=gram.T, trans_b=True, overwrite_c=True)
-            seen = one.of_band @ np.diag(gram)
-            shared = one.of_band @ np.square(gram, out=gram) @ one.of_band.T
+            shot = self.shots[index]
+            told = here.inverses[index] @ shot.bands
+            seen = strength * np.einsum("kii->k", told)
+            shared = told.reshape(len(told), -1) @ told.transpose(0, 2, 1).reshape(len(told), -1).T
+            shared *= np.outer(strength, strength)
             out = np.empty_like(self.precision)
             out[1:, 1:] = 0.5 * shared
             out[0, 1:] = out[1:, 0] = 0.5 * (seen - shared.sum(axis=1))
             out[0, 0] = 0.5 * (shot.samples - 2.0 * float(seen.sum()) + float(shared.sum()))
             return out
 
-        here.curvature = curve = np.asarray(self.precision + sum(side_by_side(of_shot, range(len(self.shots)))))
+        here.curvature = curve = np.asarray(self.precision + sum(map(of_shot, range(len(self.shots)))))
         curve[0, 0] -= 0.5 * len(here.covariance)
         return curve
 
-    def greatest(self, start: Floats, curve: Curvature) -> Likelihood:
-        """Return the maximum of likelihood times prior, searched from a vector by Fisher scoring.
+    def greatest(self, starts: Sequence[Floats], curve: Curvature) -> Likelihood:
+        """Return the maximum of likelihood times prior, searched from the likeliest of some vectors by Fisher scoring.
 
-        The curvature ``curve`` of a nearby noise is used until a step's gain differs from its prediction.
+        The curvature ``curve`` of a nearby noise is used until a step's gain differs from its prediction.  After a
+        short step it is then corrected by the change of the gradient (BFGS), else computed anew.
         """
-        here = self.at(start)
+        here = max((self.at(start) for start in starts), key=lambda one: one.value)
         if not math.isfinite(here.value):
             return here
         if curve.value is None:
@@ -202,17 +208,17 @@ class RestrictedLikelihood:
                     break
                 curve.value = self.curvature(here)
                 continue
-            gained, here = there.value - here.value, there
+            gained, fallen, here = there.value - here.value, here.slope - there.slope, there
             if gained < _LEAST:
                 break
             if abs(gained / promise - 0.5) > _GAIN_TOLERANCE:  # the curvature is no longer valid
-                curve.value = self.curvature(here)
+                near = float(np.abs(step).max()) < _NEAR
+                curve.value = _corrected(curve.value, np.asarray(step), fallen) if near else self.curvature(here)
         return here
 
     def fits(self, points: Floats) -> tuple[Floats, Floats]:
         """Return the q parameters fitted under each of p noise vectors, (p, q), and their covariances, (p, q, q)."""
-        each = side_by_side(lambda pair: pair[0].products(pair[1]), itertools.product(self.shots, points))
-        of_shots = [np.array(each[k : k + len(points)]) for k in range(0, len(each), len(points))]
+        of_shots = [np.array([shot.products(at) for at in points]) for shot in self.shots]
         values, covariances, _ = self._parameters_under(of_shots, np.exp(points[:, 0]))
         return values, covariances
 
@@ -242,16 +248,24 @@ class RestrictedLikelihood:
         return (inverse @ pull[:, :, None])[:, :, 0], inverse, logs
 
 
-def root_of(scaled: Floats, rounding: float = 0.0) -> Floats:
-    """Return the Cholesky factor of 1 + scaled scaled^T, the covariance along whitened directions, shape (r, r).
+def _corrected(curve: Floats, step: Floats, fallen: Floats) -> Floats:
+    """Return a curvature that agrees with the fall of the gradient over a step (BFGS; Nocedal & Wright, ch. 6)."""
+    seen = float(step @ fallen)
+    if seen <= 0.0:
+        return curve
+    along = curve @ step
+    return np.asarray(curve + np.outer(fallen / seen, fallen) - np.outer(along / float(step @ along), along))
 
-    ``scaled`` has shape (r, m); the diagonal of scaled scaled^T is first increased by its fraction ``rounding``.
-    LinAlgError if rounding leaves no Cholesky factor.
+
+def root_of(motion: Floats, rounding: float = 0.0) -> Floats:
+    """Return the Cholesky factor of 1 + motion, the covariance along whitened directions, shape (r, r).
+
+    ``motion`` is overwritten; its diagonal is first increased by its fraction ``rounding``.  LinAlgError if rounding
+    leaves no Cholesky factor.
     """
-    covariance = scaled @ scaled.T
-    diagonal = np.einsum("ii->i", covariance)  # a view
+    diagonal = np.einsum("ii->i", motion)  # a view
     diagonal += 1.0 + rounding * diagonal
-    root = np.asarray(np.linalg.cholesky(covariance))
+    root = np.asarray(np.linalg.cholesky(motion))
     if not np.isfinite(root[-1, -1]):
         raise np.linalg.LinAlgError("the covariance has no Cholesky factor")
     return root

@@ -4,9 +4,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from analysis.compiled import side_by_side, solve_triangle
+from analysis.compiled import solve_triangle
 from analysis.reading.flight import Bins
 from analysis.reading.floor_spectrum import FlightObservation, FloorEstimate
+from analysis.reading.restricted_likelihood import Likelihood
 from analysis.shot import Floats, Motion, Quantity, VibrationLine
 
 LINE_WORTH = 16.0  # log-likelihood gain required of a line's three parameters, with the floor re-estimated
@@ -62,17 +63,17 @@ def add_line(
     """
     design = design_matrix(bins, waves, polynomials)
     white, *octaves, drag = estimate.best
-    floors = estimate.best, np.array([white, *np.minimum.accumulate(octaves), drag])
-    found = side_by_side(lambda at: _strongest_line(bins, observation, at, design), floors)
-    for at, line in zip(floors, found, strict=True):
+    frequency = _frequencies(bins)
+    tried = observation.padded(np.hstack(bins.waves(frequency)))
+    for at in (estimate.best, np.array([white, *np.minimum.accumulate(octaves), drag])):
+        line = _strongest_line(observation.likelihood(design).at(at), frequency, tried, bins.std_m)
         if line is None:
             continue
-        tried = refined(bins, observation, [*waves, line], polynomials, at)
-        weighed = observation.estimate_floor(design_matrix(bins, tried, polynomials), at)
+        more = refined(bins, observation, [*waves, line], polynomials, at)
+        weighed = observation.estimate_floor(design_matrix(bins, more, polynomials), (at, estimate.best))
         pays = weighed.worth - estimate.worth > LINE_WORTH
-        if pays and _is_steady(bins, observation, tried, polynomials, weighed.best):
-            tried = refined(bins, observation, tried, polynomials, weighed.best)
-            return tried, weighed
+        if pays and _is_steady(bins, observation, more, polynomials, weighed.best):
+            return refined(bins, observation, more, polynomials, weighed.best), weighed
     return None
 
 
@@ -96,14 +97,20 @@ def design_matrix(bins: Bins, waves: list[Wave], polynomials: Floats) -> Floats:
     return np.column_stack([polynomials, *(_columns(bins, wave) for wave in waves)])
 
 
-def _strongest_line(bins: Bins, observation: FlightObservation, at: Floats, design: Floats) -> Wave | None:
-    """Return the sine that explains most of the residual above a floor; None if it gains less than LINE_WORTH."""
+def _frequencies(bins: Bins) -> Floats:
+    """Return the frequencies, shape (f,) in Hz, at which a line is searched; none if both flights are too short."""
     shorter = min(float(np.ptp(bins.time_s[side])) for side in (bins.into, ~bins.into) if side.any())
     lowest, highest = LOWEST_LINES / max(shorter, 1e-12), 0.45 / (bins.each * bins.step_s)
-    if highest <= lowest:
+    return np.arange(lowest, highest, 0.2 * bins.resolution_hz)
+
+
+def _strongest_line(here: Likelihood, frequency_hz: Floats, waves: Floats, white_m: float) -> Wave | None:
+    """Return the sine that explains most of the residual above a floor; None if it gains less than LINE_WORTH.
+
+    ``waves``, shape (r, 2 f), are cosines and sines of ``frequency_hz``, shape (f,), at the rows of ``here``.
+    """
+    if not frequency_hz.size:
         return None
-    frequency = np.arange(lowest, highest, 0.2 * bins.resolution_hz)
-    here = observation.likelihood(design).at(at)
     (white,) = here.whitened
     regressors = white.half[:, 1:]
 
@@ -111,8 +118,7 @@ def _strongest_line(bins: Bins, observation: FlightObservation, at: Floats, desi
         return np.asarray(rows - regressors @ (here.covariance @ (regressors.T @ rows)))
 
     rest = left_of(white.half[:, 0])
-    both = observation.padded(np.hstack(bins.waves(frequency)))
-    cosine, sine = np.hsplit(left_of(solve_triangle(white.root, both, lower=True)), 2)
+    cosine, sine = np.hsplit(left_of(solve_triangle(white.root, waves, lower=True)), 2)
     cc, ss, cs = (cosine**2).sum(axis=0), (sine**2).sum(axis=0), (cosine * sine).sum(axis=0)
     c, s = cosine.T @ rest, sine.T @ rest
     determinant = cc * ss - cs**2
@@ -124,7 +130,7 @@ def _strongest_line(bins: Bins, observation: FlightObservation, at: Floats, desi
         return None
     a = (ss[best] * c[best] - cs[best] * s[best]) / determinant[best]
     b = (cc[best] * s[best] - cs[best] * c[best]) / determinant[best]
-    return Wave(float(frequency[best]), float(a) * bins.std_m, float(b) * bins.std_m)
+    return Wave(float(frequency_hz[best]), float(a) * white_m, float(b) * white_m)
 
 
 def refined(

@@ -118,13 +118,14 @@ def _shot_fit(
     """
     problem, noise = fitted.problem, fitted.noise
     shot, places = problem.data.shots[index], problem.places[index]
-    response = problem.run(index, fitted.point, derivatives=True)
+    response = problem.run(index, fitted.point)
+    released = problem.run(index, fitted.point, coarse=True, derivatives=True).velocity_out
     own = estimate.quantities(index)
     velocity_in, touch_time, offset = (own.pop(name) for name in OWN_NAMES)
     before, after = _frame_m_per_s(shot, noise)
     velocity_out = Quantity(math.nan, math.nan, "the record ends in contact")
-    if response.velocity_out is not None:
-        value, slope = response.velocity_out
+    if released is not None:
+        value, slope = released
         variance = float(slope @ estimate.covariance[np.ix_(places, places)] @ slope)
         velocity_out = Quantity(value, math.hypot(math.sqrt(max(variance, 0.0)), after), estimate.how)
     # the model's speeds are relative to the frame; speeds read from a motion are in space

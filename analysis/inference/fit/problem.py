@@ -13,7 +13,7 @@ from analysis.inference.fit.least_squares import Minimum, StopEarly, minimise
 from analysis.inference.fit.weighted_model import ModelAtVector, WeightedModel
 from analysis.inference.noise import frame_strengths
 from analysis.inference.noise.floor import Floor, learn
-from analysis.inference.noise.frame_strengths import NoiseAndCovariance, marginal_covariance
+from analysis.inference.noise.frame_strengths import LikelyStrengths, likely_strengths
 from analysis.inference.screen import screening
 from analysis.inference.screen.columns import contribution_of
 from analysis.inference.screen.projector import Projector
@@ -271,20 +271,29 @@ class Fitted(ModelAtVector):
             return self
         free = np.ones(self.problem.size, dtype=np.bool_)
         free[self.problem.unseen] = False
-        likely = self.marginalise_strengths(free)
-        return self if likely is None else replace(self, inverse=likely.covariance)
+        likely = self.likely_strengths(free)
+        return self if likely is None else self.averaged_over(likely, free)
 
-    def marginalise_strengths(self, free: NDArray[np.bool_]) -> NoiseAndCovariance | None:
-        """Return the likeliest noise and the parameter covariance over all likely strengths, zero where not ``free``.
+    def likely_strengths(self, free: NDArray[np.bool_]) -> LikelyStrengths | None:
+        """Return the likely strengths of the frame's bands, parameters marginalised where ``free``, shape (p,).
 
-        ``free`` has shape (p,).  None if the free parameters are not determined.
+        None if the free parameters are not determined.
         """
         problem, data = self.problem, self.problem.data
         assert data.site is not None
         tangents = problem.arrow([line for _, line in problem.derivatives(self.z)])
         tangents = tangents.without(np.flatnonzero(~free))
         try:
-            likely = marginal_covariance(self.residual_m, tangents, data.shots, data.site, self.noise)
+            return likely_strengths(self.residual_m, tangents, data.shots, data.site, self.noise)
         except np.linalg.LinAlgError:  # two parameters have the same effect
             return None
-        return replace(likely, covariance=np.where(np.outer(free, free), likely.covariance, 0.0))
+
+    def averaged_over(self, likely: LikelyStrengths, free: NDArray[np.bool_]) -> "Fitted":
+        """Return this fit with its covariance averaged over likely strengths, zero where not ``free``, shape (p,).
+
+        Unchanged if some of these strengths leave a parameter undetermined.
+        """
+        try:
+            return replace(self, inverse=np.where(np.outer(free, free), likely.covariance(), 0.0))
+        except np.linalg.LinAlgError:
+            return self

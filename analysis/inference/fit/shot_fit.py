@@ -207,23 +207,23 @@ def _reweighed(problem: Problem, found: Minimum, stop: Stop) -> Fitted:
     """
     free = np.ones(problem.size, dtype=np.bool_)
     free[[*found.at_bound, *problem.unseen]] = False
-    unknown = np.full((problem.size, problem.size), math.nan)
 
-    def at(end: Minimum, weighed: Problem, inverse: Floats | None) -> Fitted:
-        left, known = weighed.residual_m(end.parameters), unknown if inverse is None else inverse
-        return Fitted(weighed, end.parameters, math.nan, left, known, end.converged)
+    def at(end: Minimum, weighed: Problem) -> Fitted:
+        left, known = weighed.residual_m(end.parameters), end.square.covariance(free)
+        inverse = np.full((problem.size, problem.size), math.nan) if known is None else known
+        return Fitted(weighed, end.parameters, math.nan, left, inverse, end.converged)
 
-    fitted = at(found, problem, found.square.covariance(free))
+    fitted, strengths = at(found, problem), None
     if problem.data.site is None or not found.converged:
         return fitted
     for _ in range(_STRENGTH_TURNS):
-        likely = fitted.marginalise_strengths(free)
+        likely = fitted.likely_strengths(free)
         if likely is None:
             break
-        weighed = problem.with_noise(likely.noise)
+        strengths, weighed = likely, problem.with_noise(likely.noise)
         ended = _minimum_from(weighed, fitted.z, stop)
         move = ended.parameters - fitted.z
-        fitted = at(ended if ended.converged else found, weighed, likely.covariance)
+        fitted = at(ended if ended.converged else found, weighed)
         if float(move @ ended.square.curvature @ move) < _SETTLED**2:
             break
-    return fitted
+    return fitted if strengths is None else fitted.averaged_over(strengths, free)

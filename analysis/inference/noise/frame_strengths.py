@@ -21,6 +21,7 @@ from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
 from analysis.inference.noise.site import Site
 from analysis.reading import (
     Curvature,
+    Likelihood,
     RestrictedLikelihood,
     ShotResidual,
     chain_precision,
@@ -83,7 +84,7 @@ class _ShotSet:
             freedom = sum(shot.samples - shot.along.shape[0] for shot in likelihood.shots)
             square = sum(float(shot.rest_products[0, 0]) for shot in likelihood.shots)
             start[0] = math.log(max(square / freedom, 1e-40))
-        best = likelihood.greatest(start, self.curve)
+        best = likelihood.greatest((start,), self.curve)
         return _LikeliestStrengths(shape, best.at, best.value)
 
     def nearby(self, begin: _LikeliestStrengths, parts: int, sides: tuple[float, float]) -> _LikeliestStrengths:
@@ -156,34 +157,42 @@ def learn(
 
 
 @dataclass(frozen=True, slots=True)
-class NoiseAndCovariance:
-    """The likeliest ``noise``, and the parameter covariance averaged over all likely strengths, shape (q, q)."""
+class LikelyStrengths:
+    """The strengths of greatest restricted likelihood as ``noise``, and the likelihood about them for q parameters."""
 
     noise: Floor
-    covariance: Floats
+    likelihood: RestrictedLikelihood
+    best: Likelihood
+    size: int
+
+    def covariance(self) -> Floats:
+        """Return the parameter covariance averaged over all likely strengths, shape (q, q).
+
+        It is that of their mixture: the mean of the covariances plus the covariance of the values (law of total
+        variance).  Cost: about 10 ms per shot.
+        """
+        points = points_about(self.best.at, self.likelihood.curvature(self.best), _PAIRS)
+        values, covariances = self.likelihood.fits(np.vstack([self.best.at, points]))
+        weights = np.array([0.0, *np.full(len(points), 1.0 / len(points))])
+        return np.pad(mixture_covariance(weights, values, covariances, values[0]), (0, self.size - values.shape[1]))
 
 
-def marginal_covariance(
+def likely_strengths(
     series: Sequence[Floats], tangents: Arrow, shots: Sequence[Samples], site: Site, start: Floor
-) -> NoiseAndCovariance:
-    """Return the strengths of greatest restricted likelihood, and the parameter covariance over all likely strengths.
+) -> LikelyStrengths:
+    """Return the strengths of greatest restricted likelihood, whose wandering parts keep their shape in ``start``.
 
     ``series`` are a fit's residuals; ``tangents`` are the derivatives of the displacement by its q parameters.  The
-    wandering parts keep their shape in ``start``.  The fitted parameters absorb part of every slow band, so the
-    residual contains less of it than the shot did.  The restricted likelihood (Patterson & Thompson, Biometrika 58,
-    1971) corrects for this.  The covariance is that of the mixture over likely strengths: the mean of the covariances
-    plus the covariance of the values (law of total variance).  Cost: about 30 ms per shot.  Raises LinAlgError if the
-    parameters are not determined.
+    fitted parameters absorb part of every slow band, so the residual contains less of it than the shot did.  The
+    restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) corrects for this.  Cost: about 10 ms per shot.
+    Raises LinAlgError if the parameters are not determined.
     """
     left, shape = _ShotSet(series, tangents, shots, site), _shape_of(start)
     likelihood = left.under(shape)
-    best = likelihood.greatest(np.array([2.0 * math.log(start.white_m), *start.site]), left.curve)
-    points = points_about(best.at, likelihood.curvature(best), _PAIRS)
-    values, covariances = likelihood.fits(np.vstack([best.at, points]))
-    weights = np.array([0.0, *np.full(len(points), 1.0 / len(points))])
-    covariance = mixture_covariance(weights, values, covariances, values[0])
-    unseen, floor = tangents.size - values.shape[1], _LikeliestStrengths(shape, best.at, best.value).floor
-    return NoiseAndCovariance(floor, np.pad(covariance, (0, unseen)))
+    best = likelihood.greatest((np.array([2.0 * math.log(start.white_m), *start.site]),), left.curve)
+    likelihood.curvature(best)
+    floor = _LikeliestStrengths(shape, best.at, best.value).floor
+    return LikelyStrengths(floor, likelihood, best, tangents.size)
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
@@ -231,8 +240,8 @@ def _shot_under(shape: Floor, columns: Floats, places: Places, shot: Samples) ->
     along = directions.along(white)
     rest_products = white.T @ white - along.T @ along
     rest_products[0, 0] = max(float(rest_products[0, 0]), 0.0)
-    shares = shot.sway.shares
-    return ShotResidual(along, rest_products, len(white), directions.logs, places[some], directions.factors, shares)
+    bands = shot.sway.bands(shape)
+    return ShotResidual(along, rest_products, len(white), directions.logs, places[some], bands)
 
 
 def _prior(site: Site) -> Floats:

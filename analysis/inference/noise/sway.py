@@ -42,7 +42,7 @@ class WhitenedDirections:
     """A shot's directions of frame motion, whitened by a noise without frame motion and with unit white variance.
 
     ``columns``, shape (n, r), times the inverse of ``root``, shape (r, r), upper triangular, are orthonormal.
-    ``factors``, shape (r, m), map the frame's m unit normal numbers to coordinates along them (Fortran order).
+    ``factors``, shape (r, m), map the frame's m unit normal numbers to coordinates along them.
     ``logs`` is ln det of the whitening covariance.
     """
 
@@ -88,6 +88,14 @@ class Sway:
         Cost: about r^2 n multiply-adds if the noise has a wandering part.  Results for the last few shapes are cached.
         """
         known: WhitenedDirections = self._cached("directions", shape_of(noise), self._whiten_directions)
+        return known
+
+    def bands(self, noise: Floor) -> Floats:
+        """Return the covariances of each band's motion at strength one along the orthonormal whitened directions.
+
+        Shape (bands, r, r), in units of the white noise.  Cost: r^2 m multiply-adds, once for each shape of the noise.
+        """
+        known: Floats = self._cached("bands", shape_of(noise), self._bands)
         return known
 
     def scaled(self, noise: Floor) -> Floats:
@@ -138,11 +146,6 @@ class Sway:
         return float(np.sqrt(np.max(np.sum(apart**2, axis=1))))
 
     @cached_property
-    def shares(self) -> Floats:
-        """Get the variance of each unit normal number by each band at strength one, shape (bands, m): 0 or 1."""
-        return np.equal.outer(np.arange(int(self.band.max()) + 1), self.band).astype(np.float64)
-
-    @cached_property
     def _plate_columns(self) -> Floats:
         """Get the displacement in m per unit number of the plate's initial state, shape (n, 2)."""
         return np.asarray(self.basis @ self.factors[:, _OF_PLATE])
@@ -153,7 +156,7 @@ class Sway:
 
     def _pull(self, scaled: Floats, along: Floats) -> Floats:
         """Return the inverse covariance along the directions times ``along``."""
-        root = root_of(scaled)
+        root = root_of(scaled @ scaled.T)
         return solve_triangle(root, solve_triangle(root, along, lower=True), lower=True, transposed=True)
 
     def _whiten_directions(self, shape: Floor) -> WhitenedDirections:
@@ -164,11 +167,16 @@ class Sway:
             raw[self.valid] = self.basis
             columns = shape.whiten(raw, self.valid, self.weight)
         root = np.asarray(np.linalg.cholesky(columns.T @ columns).T)
-        factors = np.asfortranarray(root @ self.factors)
-        return WhitenedDirections(columns, root, factors, shape.log_variances(self.valid, self.weight))
+        return WhitenedDirections(columns, root, root @ self.factors, shape.log_variances(self.valid, self.weight))
+
+    def _bands(self, shape: Floor) -> Floats:
+        factors = self.whitened_directions(shape).factors
+        each = (factors[:, self.band == band] for band in range(int(self.band.max()) + 1))
+        return np.array([some @ some.T for some in each])
 
     def _whitening_matrix(self, noise: Floor) -> Floats:
-        root = root_of(self.scaled(noise))
+        scaled = self.scaled(noise)
+        root = root_of(scaled @ scaled.T)
         whitening_matrix = solve_triangle(root, np.eye(root.shape[0]), lower=True)
         whitening_matrix[np.diag_indices_from(whitening_matrix)] -= 1.0
         triangle = self.whitened_directions(noise).root

@@ -22,8 +22,7 @@ def observation(value_m: Floats) -> FlightObservation:
 
 
 def solved(seen: FlightObservation) -> tuple[Floats, Floats]:
-    estimate = seen.estimate_floor(DESIGN)
-    return seen.solve(estimate.weights, estimate.points, DESIGN)
+    return seen.solve(*seen.estimate_floor(DESIGN).mixture(), DESIGN)
 
 
 def building_m(level_m_per_s: float, random: np.random.Generator) -> Floats:

@@ -79,22 +79,23 @@ def test_a_motionless_floor_is_one_of_the_likely_ones_where_nothing_shakes(shake
     sines = WAVES @ (np.tile(size, 2) * random.standard_normal(2 * size.size))
     seen = observed(sines + WHITE_M * random.standard_normal(TIME_S.size))
     found = seen.estimate_floor(DESIGN)
-    assert found.weights.sum() == pytest.approx(1.0) and len(found.weights) == len(found.points) == 20 + still
+    weights, all_points = found.mixture()
+    assert weights.sum() == pytest.approx(1.0) and len(weights) == len(all_points) == 20 + still
     likelihood = seen.likelihood(DESIGN)
     curve = likelihood.curvature(likelihood.at(found.best))
-    points = found.points[:20]
+    points = all_points[:20]
     assert points.mean(axis=0) == pytest.approx(found.best, abs=1e-9) and np.all(points[:, 0] == 0.0)
     spread = (points - found.best)[:, 1:]
     level, turn = np.linalg.eigh(curve[1:, 1:])
     unit = spread @ (turn * np.sqrt(level))
     assert unit.T @ unit / 20.0 == pytest.approx(np.eye(COUNT + 1), abs=1e-6)
-    assert found.weights[:20] == pytest.approx(found.weights[0])
+    assert weights[:20] == pytest.approx(weights[0])
     assert found.worth == pytest.approx(likelihood.at(found.best).profile)
     if still:
-        assert found.points[-1][1:-1] == pytest.approx(np.full(COUNT, -50.0)) and found.weights[-1] > 0.3
-        assert found.points[-1][-1] == found.best[-1]
+        assert all_points[-1][1:-1] == pytest.approx(np.full(COUNT, -50.0)) and weights[-1] > 0.3
+        assert all_points[-1][-1] == found.best[-1]
     else:
         speed = np.sqrt(seen.powers(found.best))[4:]
         assert np.median(speed) == pytest.approx(shaken_m_per_s, rel=0.5)
-    again = seen.estimate_floor(DESIGN, found.best)
+    again = seen.estimate_floor(DESIGN, (found.best,))
     assert again.worth == pytest.approx(found.worth, abs=0.02)

@@ -10,6 +10,7 @@ from analysis.reading.floor_spectrum import FlightObservation, Octaves, waves_of
 from analysis.reading.vibration_lines import (
     Wave,
     _columns,
+    _frequencies,
     _is_steady,
     _strongest_line,
     add_line,
@@ -123,7 +124,7 @@ def test_a_line_is_found_and_fitted_with_a_true_uncertainty(frequency_hz: float)
         (wave,), after = found
         assert after.worth > estimate.worth + 16.0
         design = design_matrix(bins, [wave], POLYNOMIALS)
-        _, covariance = observation.solve(after.weights, after.points, design)
+        _, covariance = observation.solve(*after.mixture(), design)
         got = line_of(wave, covariance[4:, 4:], frequency_derivative(bins, wave)[1], bins.middle_s)
         pulls.append(
             [
@@ -146,7 +147,7 @@ def test_the_strongest_sine_is_found_with_its_size_in_one_flight_or_both(flights
     observation = FlightObservation(value[kept], WHITE_M, (), octaves, waves)
     columns = POLYNOMIALS[kept][:, : 2 * flights]
     at = np.array([0.0, *np.full(octaves.centre_hz.size, -40.0), 0.0])
-    wave = _strongest_line(bins, observation, at, columns)
+    wave = strongest(bins, observation, at, columns)
     assert wave is not None
     assert wave.frequency_hz == pytest.approx(333.0, abs=0.2 * bins.resolution_hz)
     assert np.hypot(wave.cosine_m, wave.sine_m) == pytest.approx(1e-9, rel=0.2)
@@ -156,7 +157,7 @@ def test_the_strongest_sine_is_found_with_its_size_in_one_flight_or_both(flights
     found = add_line(bins, observation, [], columns, observation.estimate_floor(columns))
     assert found is not None and len(found[0]) == 1
     quiet = FlightObservation(noise(3)[kept], WHITE_M, (), octaves, waves)
-    assert _strongest_line(bins, quiet, at, columns) is None
+    assert strongest(bins, quiet, at, columns) is None
 
 
 def test_two_lines_are_refined_together_from_a_fifth_of_the_resolution_away() -> None:
@@ -190,3 +191,9 @@ def test_a_wave_is_steady_that_is_the_same_in_both_flights_and_apart_from_every_
         bins, observation = bins_of(changed), seen(changed)
         (wave,) = refined(bins, observation, [Wave(333.0, 1e-10, 0.0)], POLYNOMIALS, at)
         assert _is_steady(bins, observation, [wave], POLYNOMIALS, at) is steady
+
+
+def strongest(bins: Bins, observation: FlightObservation, at: Any, design: Any) -> Wave | None:
+    frequency_hz = _frequencies(bins)
+    waves = observation.padded(np.hstack(bins.waves(frequency_hz)))
+    return _strongest_line(observation.likelihood(design).at(at), frequency_hz, waves, bins.std_m)

@@ -165,13 +165,15 @@ def solve(
 
 @dataclass(frozen=True, slots=True)
 class MotionWithModes:
-    """A motion with its modes: time, kind and mode after each of e events, and states at n times.
+    """A motion with its modes: time, kind, state and mode after each of e events, and states at n times.
 
-    ``modes`` has shape (e, flags); ``states``, shape (n, 4 + hidden), include the effects' hidden states.
+    ``modes`` has shape (e, flags); ``event_states``, shape (e, 4 + hidden), and ``states``, shape (n, 4 + hidden),
+    include the effects' hidden states.
     """
 
     time_s: Floats
     kinds: NDArray[np.int64]
+    event_states: Floats
     modes: Floats
     states: Floats
 
@@ -183,7 +185,13 @@ def solve_with_modes(
     request = _Request(time_s, whole=True, spacing_s=spacing_s)
     record, count, system = _solved(collision, effects, request, 1.0, fastest_rates(collision, effects))
     states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # without the contact point
-    return MotionWithModes(record.event_time[:count], record.event_kind[:count], record.event_mode[:count], states)
+    return MotionWithModes(
+        record.event_time[:count],
+        record.event_kind[:count],
+        record.event_state[:count, : system.numbers],
+        record.event_mode[:count],
+        states,
+    )
 
 
 @dataclass(frozen=True, slots=True)

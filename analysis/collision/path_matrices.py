@@ -1,5 +1,6 @@
 """The propagators of a path's steps, and the weights of the inputs (kernels)."""
 
+import math
 from typing import NamedTuple
 
 from analysis.collision.effects.kernel import NEAR, STATES, Q, W
@@ -141,7 +142,8 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
     """Write the matrices of every step; return False if ``room`` is too small.  About 1 us each, less if constant.
 
     If A and E are constant over a step, as for most effects within a mode, they are reused for _REUSED_STEPS steps.
-    ``room`` holds ``room_for`` zeros.
+    If there is no room for effect inputs, the inertia's weights are not written either: those of a state that is not
+    known.  ``room`` holds ``room_for`` zeros.
     """
     system, steps, out = by_address(system), by_address(steps), by_address(out)
     n, size = out.propagator.shape[1], 4 * ((out.propagator.shape[1] + 5) // 4)
@@ -159,14 +161,16 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
     term, at = cut(room, at, (n, n))
     if at > room.size:
         return False
-    hold, resting = 0, False
+    hold, resting, inputs = 0, False, out.effect_inputs.shape[0] > 0
+    reused = _REUSED_STEPS if inputs else steps.length_s.size  # for forces alone all steps of a mode are alike
     for r in range(steps.length_s.size):
         linked, length, mode = steps.item[r] == NONE, steps.length_s[r], steps.modes[steps.event[r]]
         if steps.item[r] >= 0:
             _jump(r, one, state, aside, system, steps, out.event_jump[r], out.event_gradient[r])
         if not linked:
             _write_matrices_at(state, steps.states[r, 0], rows, system, mode, a[0], e[0])
-            _write_effect_inputs(system, out.effect_inputs[r, 0])
+            if inputs:
+                _write_effect_inputs(system, out.effect_inputs[r, 0])
             hold, resting = 0, False
         rested, resting = resting, hold > 0
         same = rested and resting  # as in the previous step, except the inertia column
@@ -176,31 +180,37 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
             else:
                 _copy(a[2], a[0])
                 _copy(e[2], e[0])
-            for j in range(STATES):
+            for j in range(STATES if inputs else 0):
                 out.effect_inputs[r, 0, j] = out.effect_inputs[r - 1, 2, j]
         if resting:
             hold -= 1
             if not same:
                 _copy(a[0], a[2])
                 _copy(e[0], e[2])
-        if resting:
-            _inertia(state, steps.states[r, 2], one, system, mode, e[2])
-        else:
+        if not resting:
             _write_matrices_at(state, steps.states[r, 2], rows, system, mode, a[2], e[2])
-        _write_effect_inputs(system, out.effect_inputs[r, 2])
+        elif inputs:
+            _inertia(state, steps.states[r, 2], one, system, mode, e[2])
+        if inputs:
+            _write_effect_inputs(system, out.effect_inputs[r, 2])
         if not resting and _nearly_equal(a[0], a[2]) and _nearly_equal(e[0], e[2]):
-            hold = _REUSED_STEPS
-        still = resting or hold == _REUSED_STEPS
+            hold = reused
+        still = resting or hold == reused
         if still and not same:
             _copy(a[0], a[1])
             _copy(e[0], e[1])
-        if still:
-            _inertia(state, steps.states[r, 1], one, system, mode, e[1])
-        else:
+        if not still:
             _write_matrices_at(state, steps.states[r, 1], rows, system, mode, a[1], e[1])
-        _write_effect_inputs(system, out.effect_inputs[r, 1])
+        elif inputs:
+            _inertia(state, steps.states[r, 1], one, system, mode, e[1])
+        if inputs:
+            _write_effect_inputs(system, out.effect_inputs[r, 1])
+        else:
+            e[0, 1, _INERTIA] = e[1, 1, _INERTIA] = e[2, 1, _INERTIA] = math.nan
         if same and abs(length - steps.length_s[r - 1]) < 1e-9 * abs(length):
-            _update_inertia_weights(r, length, e, half, out)
+            _copy_step(r, out)
+            if inputs:
+                _update_inertia_weights(r, length, e, half, out)
             continue
         for j in range(n):
             for m in range(n):
@@ -227,13 +237,16 @@ def _copy(one, to):  # type: ignore[no-untyped-def]
 
 
 @part
-def _update_inertia_weights(r, at, e, half, out):  # type: ignore[no-untyped-def]
-    """Write a step's matrices when only the inertia column differs from the previous step."""
-    n = half.shape[0]
+def _copy_step(r, out):  # type: ignore[no-untyped-def]
     _copy(out.propagator[r - 1], out.propagator[r])
     for point in range(3):
         _copy(out.weights[r - 1, point], out.weights[r, point])
-    for j in range(n):
+
+
+@part
+def _update_inertia_weights(r, at, e, half, out):  # type: ignore[no-untyped-def]
+    """Write the weights of the inertia, in which a step differs from the one before."""
+    for j in range(half.shape[0]):
         out.weights[r, 0, j, _INERTIA] = at / 6.0 * out.propagator[r, j, 1] * e[0, 1, _INERTIA]
         out.weights[r, 1, j, _INERTIA] = at / 1.5 * half[j, 1] * e[1, 1, _INERTIA]
         out.weights[r, 2, j, _INERTIA] = at / 6.0 * e[2, j, _INERTIA]

@@ -100,10 +100,14 @@ class ShotModel:
         fastest = min(math.pi * self.samples.factor, _MAX_RADIANS_A_SAMPLE) / self.samples.spacing_s
         return max(self.rates.contact, self.rates.effects) > fastest
 
-    def path(self, steps: int) -> LinearPath:
-        """Return the linearised trajectory in at least ``steps`` per averaged sample; Infeasible if too many."""
+    def path(self, steps: int, *, for_forces: bool = False) -> LinearPath:
+        """Return the linearised trajectory in at least ``steps`` per averaged sample; Infeasible if too many.
+
+        ``for_forces`` as for ``linear_path``.
+        """
         hidden_first = sorted(self.active, key=lambda one: one.effect.hidden == 0)
-        return linear_path(self.collision, hidden_first, self.samples.centre_s - self.own[1], steps)
+        times = self.samples.centre_s - self.own[1]
+        return linear_path(self.collision, hidden_first, times, steps, for_forces=for_forces)
 
     def with_laws(self, laws: Sequence[Effect]) -> "ShotModel":
         """Return the model with laws that act in addition to the effects, with each law parameter at its scale."""

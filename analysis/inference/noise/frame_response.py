@@ -39,10 +39,10 @@ def responses(shot: ShotModel, omega: Floats) -> tuple[Floats, Floats]:
 
     The second value, shape (2 f,), is the frame's contribution to the block's velocity in space after the last release.
     The frame moves slowly: the mean over a block of samples equals the value at its centre to a millionth.  Raises
-    Infeasible if the parameters give no collision.  Cost: about 3 ms.
+    Infeasible if the parameters give no collision.  Cost: about 2 ms, 4 ms with effects.
     """
-    path = shot.path(1)
-    moved, after = moved_by_frame(path, shot.collision, omega, shot.samples.centre_s.size)
     # interferometer ripple, finer than averaged samples, is left out: the fit adds it along the measured path
     lagging = {effect: given for effect, given in shot.values.items() if effect.sensor is None or effect.has_memory}
+    path = shot.path(1, for_forces=all(effect.sensor is None for effect in lagging))
+    moved, after = moved_by_frame(path, shot.collision, omega, shot.samples.centre_s.size)
     return change_shown(replace(shot, values=lagging), path, moved), after

@@ -164,6 +164,7 @@ def _two_levels(power, shape):  # type: ignore[no-untyped-def]
     count = power.size
     a = np.mean(power[count // 2 :]) + 1e-300
     b = max(np.sum(power) / np.sum(shape) * 0.5, 1e-6 * a / np.mean(shape))
+    lowest, highest = np.min(shape), np.max(shape)
     for _ in range(60):
         aa, ab, bb, score_a, score_b = 1e-9, 0.0, 1e-9, 0.0, 0.0
         for i in range(count):
@@ -176,6 +177,8 @@ def _two_levels(power, shape):  # type: ignore[no-untyped-def]
         step_a = min(max((bb * score_a - ab * score_b) / determinant, -1.0), 1.0)
         step_b = min(max((aa * score_b - ab * score_a) / determinant, -1.0), 1.0)
         a, b = a * math.exp(step_a), b * math.exp(step_b)
-        if max(abs(step_a), abs(step_b)) < 1e-6:
+        a_ends = abs(step_a) < 1e-6 or (step_a < 0.0 and a < 1e-9 * b * lowest)  # the second: it is nothing beside b
+        b_ends = abs(step_b) < 1e-6 or (step_b < 0.0 and b * highest < 1e-9 * a)
+        if a_ends and b_ends:
             break
     return a, b

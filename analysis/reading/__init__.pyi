@@ -2,6 +2,7 @@ from .pulse import SLOPE_SPAN
 from .read import NoImpact, read_frame_motion, read_impact
 from .record_checks import check_collision, describe_motion, describe_reversal
 from .restricted_likelihood import (
+    Bands,
     Curvature,
     Likelihood,
     RestrictedLikelihood,
@@ -18,6 +19,7 @@ __all__ = [
     "CRITERIA_M_PER_S",
     "MIN_S",
     "SLOPE_SPAN",
+    "Bands",
     "Curvature",
     "Likelihood",
     "NoImpact",

@@ -14,8 +14,10 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from analysis.reading.restricted_likelihood import (
+    Bands,
     Curvature,
     Likelihood,
     RestrictedLikelihood,
@@ -231,19 +233,11 @@ class FlightObservation:
         return RestrictedLikelihood((shot,), _prior(self.octaves.centre_hz.size))
 
     @cached_property
-    def bands(self) -> Floats:
-        """Get the covariances of each octave and of the drags at their prior strengths, in units of the white variance.
-
-        Shape (k + 1, n + d, n + d) for d drags.
-        """
-        (bins, _), known = self.waves.shape, len(self.drags)
-        out = np.zeros((self.octaves.centre_hz.size + 1, bins + known, bins + known))
-        for band, power in zip(out, np.tile(self.octaves.power_m2, 2), strict=False):
-            moved = np.flatnonzero(power)
-            some = self.waves[:, moved] * np.sqrt(power[moved]) * (SPEED_M_PER_S / self.white_m)
-            band[:bins, :bins] = some @ some.T
-        out[-1, bins:, bins:] = np.eye(known) * _MIN_DRAG**-2
-        return out
+    def bands(self) -> Bands:
+        """Get the motion by the octaves and by the drags at their prior strengths, in units of the white std."""
+        known = len(self.drags)
+        power = np.tile(self.octaves.power_m2, 2) * (SPEED_M_PER_S / self.white_m) ** 2
+        return Bands(block_diag(self.waves, np.eye(known)), block_diag(power, np.full((1, known), _MIN_DRAG**-2)))
 
     def padded(self, columns: Floats) -> Floats:
         """Return columns, shape (n, c), with zero rows appended for the priors of the drags."""

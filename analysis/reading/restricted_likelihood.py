@@ -9,7 +9,7 @@ may share.  The motion has covariance sum_k s_k V_k, with V_k that of band k at 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,28 @@ _NEAR = 0.5  # largest step of a logarithm over which a curvature is corrected i
 _MIN_LEVEL = 1e-3  # least eigenvalue of a curvature: priors make it larger unless rounding interferes
 
 
+@dataclass(frozen=True)
+class Bands:
+    """The motion of k bands along r directions, by m independent unit normal numbers.
+
+    ``factors``, shape (r, m), map the numbers to the directions; ``shares``, shape (k, m), are their variances by each
+    band at strength one.
+    """
+
+    factors: Floats
+    shares: Floats
+
+    @cached_property
+    def covariances(self) -> Floats:
+        """Get the covariance along the directions by each band at strength one, as rows of shape (k, r^2)."""
+        out = np.empty((len(self.shares), len(self.factors), len(self.factors)))
+        for covariance, share in zip(out, self.shares, strict=True):
+            some = np.flatnonzero(share)
+            moved = self.factors[:, some] * np.sqrt(share[some])
+            np.matmul(moved, moved.T, out=covariance)
+        return out.reshape(len(out), -1)
+
+
 @dataclass(frozen=True, slots=True)
 class ShotResidual:
     """A shot's residual and its derivatives by q parameters, whitened to unit variance by its noise without the bands.
@@ -33,8 +55,7 @@ class ShotResidual:
     ``along``, shape (r, 1 + q), are both along the r orthonormal directions of the bands' motion; ``rest_products``,
     shape (1 + q, 1 + q), are the products of their components orthogonal to these directions.  ``samples`` counts all
     directions; ``logs`` is ln det of the whitening covariance.  ``places``, shape (q,), are the parameters' indices.
-    ``bands``, shape (k, r, r), are the covariances of each band's motion along the directions at strength one;
-    ``rounding`` is the relative increase of the diagonal of their sum.
+    ``rounding`` is the relative increase of the diagonal of the bands' covariance.
     """
 
     along: Floats
@@ -42,7 +63,7 @@ class ShotResidual:
     samples: int
     logs: float
     places: NDArray[np.intp]
-    bands: Floats
+    bands: Bands
     rounding: float = 0.0
 
     def whitened(self, at: Floats) -> "_Whitened":
@@ -59,15 +80,10 @@ class ShotResidual:
 
     def _whitened(self, at: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the Cholesky factor of the covariance, ``along`` divided by it, and ``products``."""
-        motion = (np.exp(at[1:] - at[0]) @ self.flat_bands).reshape(self.bands.shape[1:])
+        motion = (np.exp(at[1:] - at[0]) @ self.bands.covariances).reshape(len(self.along), -1)
         root = root_of(motion, self.rounding)
         half = solve_triangle(root, self.along, lower=True)
         return root, half, np.asarray(self.rest_products + half.T @ half)
-
-    @property
-    def flat_bands(self) -> Floats:
-        """Get the bands' covariances as vectors, shape (k, r^2)."""
-        return self.bands.reshape(len(self.bands), -1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +162,7 @@ class RestrictedLikelihood:
             inverses.append(one.inverse - free @ (covariance[np.ix_(shot.places, shot.places)] / variance) @ free.T)
             rest = across @ numbers
             excess = np.outer(rest / variance, rest) - inverses[-1]  # measured less expected, zero on average
-            of_band = np.exp(at[1:] - at[0]) * (shot.flat_bands @ excess.ravel())
+            of_band = np.exp(at[1:] - at[0]) * (shot.bands.covariances @ excess.ravel())
             logs = 2.0 * float(np.log(np.diag(one.root)).sum()) + shot.logs
             logs += shot.samples * math.log(2 * math.pi * variance)
             value -= 0.5 * (logs + square)
@@ -155,7 +171,7 @@ class RestrictedLikelihood:
         return Likelihood(at, value - float(half_logs), slope, value, whitened, tuple(inverses), covariance)
 
     def curvature(self, here: Likelihood) -> Floats:
-        """Return the expected curvature by the vector; cost: k r^2 (r + k) multiply-adds per shot.
+        """Return the expected curvature by the vector; cost: m r (m + r) multiply-adds per shot, m numbers.
 
         The coupling of shots through shared parameters is neglected.  LinAlgError if the likelihood is undefined.
         """
@@ -167,10 +183,10 @@ class RestrictedLikelihood:
 
         def of_shot(index: int) -> Floats:
             shot = self.shots[index]
-            told = here.inverses[index] @ shot.bands
-            seen = strength * np.einsum("kii->k", told)
-            shared = told.reshape(len(told), -1) @ told.transpose(0, 2, 1).reshape(len(told), -1).T
-            shared *= np.outer(strength, strength)
+            factors, of_band = shot.bands.factors, strength[:, None] * shot.bands.shares
+            gram = factors.T @ here.inverses[index] @ factors
+            seen = of_band @ np.diag(gram)
+            shared = of_band @ np.square(gram, out=gram) @ of_band.T
             out = np.empty_like(self.precision)
             out[1:, 1:] = 0.5 * shared
             out[0, 1:] = out[1:, 0] = 0.5 * (seen - shared.sum(axis=1))

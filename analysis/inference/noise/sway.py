@@ -25,7 +25,7 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.frame_response import plate_swing_std, responses
 from analysis.inference.noise.site import Site
-from analysis.reading import root_of
+from analysis.reading import Bands, root_of
 from analysis.shot import Floats
 
 _NO_EFFECTS: Values = {}
@@ -90,12 +90,9 @@ class Sway:
         known: WhitenedDirections = self._cached("directions", shape_of(noise), self._whiten_directions)
         return known
 
-    def bands(self, noise: Floor) -> Floats:
-        """Return the covariances of each band's motion at strength one along the orthonormal whitened directions.
-
-        Shape (bands, r, r), in units of the white noise.  Cost: r^2 m multiply-adds, once for each shape of the noise.
-        """
-        known: Floats = self._cached("bands", shape_of(noise), self._bands)
+    def bands(self, noise: Floor) -> Bands:
+        """Return the motion of the bands along the orthonormal whitened directions, in units of the white noise."""
+        known: Bands = self._cached("bands", shape_of(noise), self._bands)
         return known
 
     def scaled(self, noise: Floor) -> Floats:
@@ -169,10 +166,9 @@ class Sway:
         root = np.asarray(np.linalg.cholesky(columns.T @ columns).T)
         return WhitenedDirections(columns, root, root @ self.factors, shape.log_variances(self.valid, self.weight))
 
-    def _bands(self, shape: Floor) -> Floats:
-        factors = self.whitened_directions(shape).factors
-        each = (factors[:, self.band == band] for band in range(int(self.band.max()) + 1))
-        return np.array([some @ some.T for some in each])
+    def _bands(self, shape: Floor) -> Bands:
+        shares = np.equal.outer(np.arange(int(self.band.max()) + 1), self.band).astype(np.float64)
+        return Bands(self.whitened_directions(shape).factors, shares)
 
     def _whitening_matrix(self, noise: Floor) -> Floats:
         scaled = self.scaled(noise)

@@ -9,6 +9,7 @@ from scipy.optimize import approx_fprime, minimize
 from scipy.stats import multivariate_normal
 
 from analysis.reading.restricted_likelihood import (
+    Bands,
     Curvature,
     RestrictedLikelihood,
     ShotResidual,
@@ -29,16 +30,17 @@ def shot(seed: int, places: tuple[int, ...]) -> ShotResidual:
     along = random.standard_normal((SAMPLES, 1 + len(places)))
     factors = random.standard_normal((SAMPLES, NUMBERS))
     shares = random.uniform(0.2, 1.0, (BANDS, NUMBERS))
-    bands = np.array([factors * share @ factors.T for share in shares])
     rest = np.zeros((1 + len(places), 1 + len(places)))
-    return ShotResidual(along, rest, SAMPLES, 0.7 * seed, np.array(places, dtype=np.intp), bands)
+    return ShotResidual(along, rest, SAMPLES, 0.7 * seed, np.array(places, dtype=np.intp), Bands(factors, shares))
 
 
 SHOTS = (shot(1, (0, 1)), shot(2, (0, 2)))
 
 
 def covariance(one: ShotResidual, at: Any) -> Any:
-    return np.exp(at[0]) * np.eye(SAMPLES) + np.einsum("k,kij->ij", np.exp(at[1:]), one.bands)
+    return (
+        np.exp(at[0]) * np.eye(SAMPLES) + one.bands.factors * (np.exp(at[1:]) @ one.bands.shares) @ one.bands.factors.T
+    )
 
 
 def written_out(at: Any) -> tuple[float, Any, Any]:
@@ -77,7 +79,7 @@ def test_what_lies_across_the_bands_counts_as_white_noise_alone() -> None:
     still = np.random.default_rng(9).standard_normal((6, 3))
     whole = ShotResidual(
         np.vstack([one.along, still]), np.zeros((3, 3)), SAMPLES + 6, 0.0, one.places,
-        np.pad(one.bands, ((0, 0), (0, 6), (0, 6))),
+        Bands(np.vstack([one.bands.factors, np.zeros((6, NUMBERS))]), one.bands.shares),
     )  # fmt: skip
     parts = ShotResidual(one.along, still.T @ still, SAMPLES + 6, 0.0, one.places, one.bands)
     here, there = (RestrictedLikelihood((each,), PRECISION).at(AT) for each in (whole, parts))
@@ -93,7 +95,7 @@ def test_the_curvature_is_the_expected_one_of_a_shot_whose_parameters_are_known(
     here = likelihood.at(AT)
     inverse = np.linalg.inv(covariance(one, AT))
     changes = [np.exp(AT[0]) * np.eye(SAMPLES)]
-    changes += [np.exp(AT[1 + k]) * one.bands[k] for k in range(BANDS)]
+    changes += [np.exp(AT[1 + k]) * one.bands.factors * one.bands.shares[k] @ one.bands.factors.T for k in range(BANDS)]
     fisher = [[0.5 * np.trace(inverse @ a @ inverse @ b) for b in changes] for a in changes]
     assert likelihood.curvature(here) == pytest.approx(PRECISION + np.array(fisher), rel=1e-9)
 
@@ -105,7 +107,7 @@ def test_parameters_that_take_part_of_the_motion_leave_less_curvature_by_what_th
     design = one.along[:, 1:]
     left = inverse - inverse @ design @ np.linalg.inv(design.T @ inverse @ design) @ design.T @ inverse
     changes = [np.exp(AT[0]) * np.eye(SAMPLES)]
-    changes += [np.exp(AT[1 + k]) * one.bands[k] for k in range(BANDS)]
+    changes += [np.exp(AT[1 + k]) * one.bands.factors * one.bands.shares[k] @ one.bands.factors.T for k in range(BANDS)]
     fisher = [[0.5 * np.trace(left @ a @ left @ b) for b in changes] for a in changes]
     assert likelihood.curvature(likelihood.at(AT)) == pytest.approx(PRECISION + np.array(fisher), rel=1e-9)
 

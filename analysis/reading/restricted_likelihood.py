@@ -7,22 +7,25 @@ may share.  The motion has covariance sum_k s_k V_k, with V_k that of band k at 
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dpotri
 
-from analysis.compiled import solve_triangle
+from analysis.compiled import side_by_side, solve_triangle
 from analysis.shot import Floats
 
+Result = TypeVar("Result")
 _ITERATIONS, _MOST = 20, 3.0  # most steps; largest step of a logarithm
 _ENOUGH, _LEAST = 5e-3, 1e-3  # first-order gain and actual gain of ln L by a step, below which the search ends
 _TRIES, _SHORTER = 5, 0.3  # trials of one step, and the length of each relative to the one before
 _GAIN_TOLERANCE = 0.15  # allowed deviation of actual over first-order gain from 1/2, its value for a correct curvature
 _NEAR = 0.5  # largest step of a logarithm over which a curvature is corrected instead of computed anew
+_LARGE = 200_000  # numbers of the bands' covariances of a shot
 _MIN_LEVEL = 1e-3  # least eigenvalue of a curvature: priors make it larger unless rounding interferes
 
 
@@ -147,7 +150,7 @@ class RestrictedLikelihood:
         slope = -pull
         variance = math.exp(at[0])
         try:
-            whitened = tuple(shot.whitened(at) for shot in self.shots)
+            whitened = self._of_each(lambda index: self.shots[index].whitened(at))
             products = [one.products[None] for one in whitened]
             (values,), (covariance,), (half_logs,) = self._parameters_under(products, np.array([variance]))
         except np.linalg.LinAlgError:  # rounding breaks the factorisation for motion a billion times the white noise
@@ -193,7 +196,7 @@ class RestrictedLikelihood:
             out[0, 0] = 0.5 * (shot.samples - 2.0 * float(seen.sum()) + float(shared.sum()))
             return out
 
-        here.curvature = curve = np.asarray(self.precision + sum(map(of_shot, range(len(self.shots)))))
+        here.curvature = curve = np.asarray(self.precision + sum(self._of_each(of_shot)))
         curve[0, 0] -= 0.5 * len(here.covariance)
         return curve
 
@@ -234,9 +237,16 @@ class RestrictedLikelihood:
 
     def fits(self, points: Floats) -> tuple[Floats, Floats]:
         """Return the q parameters fitted under each of p noise vectors, (p, q), and their covariances, (p, q, q)."""
-        of_shots = [np.array([shot.products(at) for at in points]) for shot in self.shots]
+        of_shots = self._of_each(lambda index: np.array([self.shots[index].products(at) for at in points]))
         values, covariances, _ = self._parameters_under(of_shots, np.exp(points[:, 0]))
         return values, covariances
+
+    def _of_each(self, function: Callable[[int], Result]) -> tuple[Result, ...]:
+        """Return ``function`` of every shot's index; in two threads if the matrices are so large that this is faster."""
+        indices = range(len(self.shots))
+        if self.shots[0].bands.covariances.size < _LARGE:
+            return tuple(map(function, indices))
+        return tuple(side_by_side(function, indices))
 
     def _parameters_under(self, products: Sequence[Floats], variance: Floats) -> tuple[Floats, Floats, Floats]:
         """Return q parameters fitted under p noises, (p, q), covariances, (p, q, q), and half ln det of their inverses.

@@ -242,7 +242,7 @@ class RestrictedLikelihood:
         return values, covariances
 
     def _of_each(self, function: Callable[[int], Result]) -> tuple[Result, ...]:
-        """Return ``function`` of every shot's index; in two threads if the matrices are so large that this is faster."""
+        """Return ``function`` of every shot's index; in two threads if the matrices are so large that it pays."""
         indices = range(len(self.shots))
         if self.shots[0].bands.covariances.size < _LARGE:
             return tuple(map(function, indices))

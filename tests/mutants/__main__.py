@@ -109,6 +109,7 @@ def _end_of(fault: Fault, tree: Path, tests: list[str], seconds: float) -> End:
         "PYTHONPATH": str(tree),  # a process that a test starts must not import the unchanged program
         "QT_QPA_PLATFORM": "offscreen",
         "PYTHONDONTWRITEBYTECODE": "1",
+        "LEVIMASS_LINES_FOLLOWED": "1",
     }
     options = ["-x", "-q", "-p", "no:cacheprovider", "--tb=no", "-rfE", "-m", "not slow"]
     command = [sys.executable, "-m", "pytest", *options, *tests]

@@ -81,7 +81,11 @@ def _run_suite(folder: Path, root: Path) -> None:
         "--cov=analysis", "--cov=instrument", "--cov=app", "--cov-context=test", "--cov-report=",
         "--junitxml", str(place / _TIMES), "-o", "junit_family=xunit1",
     ]  # fmt: skip
-    environment = os.environ | {"QT_QPA_PLATFORM": "offscreen", "COVERAGE_FILE": str(place / "lines.now")}
+    environment = os.environ | {
+        "QT_QPA_PLATFORM": "offscreen",
+        "COVERAGE_FILE": str(place / "lines.now"),
+        "LEVIMASS_LINES_FOLLOWED": "1",
+    }
     ended = subprocess.run(command, cwd=root, env=environment, check=False)
     if ended.returncode not in (0, 1):
         raise SystemExit("mutants: the suite does not run to its end")

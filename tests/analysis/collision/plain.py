@@ -1,5 +1,6 @@
 """The parts of kernels as plain Python, which a test can call one at a time."""
 
+import os
 from collections.abc import Callable
 from types import ModuleType
 from typing import Any
@@ -22,6 +23,7 @@ from analysis.collision import (
 )
 from analysis.collision.effects.kernel import STATES
 
+LINES_FOLLOWED = "LEVIMASS_LINES_FOLLOWED" in os.environ  # by make mutants, which sees no line of a compiled kernel
 SOLVER = (crossings, exponentials, march, matrices, modes, propagator, rates, runge_kutta, system, two_bodies)
 
 

@@ -1,4 +1,4 @@
-"""The change that a small effect makes along a path, in plain Python, against the derivatives of a solution."""
+"""The change that a small effect makes along a path, against the derivatives of a solution."""
 
 import numpy as np
 import pytest
@@ -8,10 +8,12 @@ from analysis.collision.effects import effect_named
 from analysis.collision.general import ActiveEffect
 from analysis.collision.linearisation import linear_path
 from tests.analysis.collision.paths import CASES, RIG, TIME_S, noting, paths_in_python
+from tests.analysis.collision.plain import LINES_FOLLOWED
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=LINES_FOLLOWED)
 def plain(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
+    """Let paths and effects be called in plain Python."""
     paths_in_python(monkeypatch)
     return monkeypatch
 

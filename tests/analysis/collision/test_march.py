@@ -1,6 +1,6 @@
-"""The solver in plain Python, from mode to mode, against scipy's integration of the same bodies; and its limits."""
+"""The solver, from mode to mode, against scipy's integration of the same bodies; in plain Python its limits as well."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,18 +18,18 @@ from analysis.collision.effects import effect_named
 from analysis.collision.general import ActiveEffect, direction
 from analysis.collision.parameters import KERNEL_ORDER, Collision, Variant
 from tests.analysis.collision.hybrid import Beside, Hybrid, moved
-from tests.analysis.collision.plain import solver_in_python
+from tests.analysis.collision.plain import LINES_FOLLOWED, solver_in_python
 
 RIG = Collision(0.02, -0.3, 300.0, 2e-3, 3e3, 0.3)
 TIME_S = np.arange(-8, 150) * 2.5e-4 + 1.1e-4
 PULL = (2e-3, 8e-5)
 
 
-@pytest.fixture(autouse=True)
-def plain(monkeypatch: pytest.MonkeyPatch) -> Iterator[pytest.MonkeyPatch]:
+@pytest.fixture(autouse=LINES_FOLLOWED)
+def plain(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Let the solver and the effects be called in plain Python."""
     solver_in_python(monkeypatch)
-    yield monkeypatch
+    return monkeypatch
 
 
 def effects_of(beside: Beside) -> tuple[list[ActiveEffect], dict[str, int]]:
@@ -68,8 +68,8 @@ def test_in_closed_form_it_is_scipys_solution_with_its_events_and_derivatives(pl
 
 
 @pytest.mark.parametrize("place", range(2, len(STEPPED)))
-def test_step_by_step_it_is_scipys_solution_too(place: int, plain: pytest.MonkeyPatch) -> None:
-    plain.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
+def test_step_by_step_it_is_scipys_solution_too(place: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
     check(*STEPPED[place], ("contact_stiffness_n_per_m", "velocity_in_m_per_s"))
 
 

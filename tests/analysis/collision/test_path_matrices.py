@@ -80,3 +80,21 @@ def test_what_a_moving_frame_adds_is_what_scipys_solution_differs_by(place: int)
         (begin, end) = (Hybrid(collision, one.beside).solved(at)[:, 1] for one in (ahead, back))
         in_space = (begin - end) / (2 * size) - rate * np.sin(rate * at + turn)
         np.testing.assert_allclose(in_space, after[column], atol=3e-4 * np.abs(after).max())
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_for_forces_alone_a_path_is_the_same_without_what_only_effects_need(place: int) -> None:
+    collision, _ = CASES[place]
+    whole, brief = (linear_path(collision, [], TIME_S, 2, for_forces=alone) for alone in (False, True))
+    for name in ("length_s", "sample", "early", "linked", "propagator", "event_gradient", "event_jump"):
+        one, other = getattr(whole, name), getattr(brief, name)
+        np.testing.assert_allclose(other, one, atol=1e-9 * max(float(np.abs(one).max()), 1e-6), err_msg=name)
+    inertia = 3
+    known, found = (np.delete(path.weights, inertia, axis=3) for path in (whole, brief))
+    np.testing.assert_allclose(found, known, atol=1e-9 * np.abs(known).max())
+    assert np.isnan(brief.weights[:, :, 1, inertia]).all() and brief.effect_inputs.shape == (
+        0,
+        *whole.effect_inputs.shape[1:],
+    )
+    with_effects = [linear_path(RIG, CASES[3][1], TIME_S, for_forces=alone) for alone in (False, True)]
+    np.testing.assert_array_equal(*(path.effect_inputs for path in with_effects))

@@ -72,7 +72,9 @@ def read_flights(
     straight, line = _unweighted(bins, polynomials, drags)
     observation = _observation(replace(bins, value_m=bins.value_m - line), drags)
     waves = [wave_of(bins, line) for line in before.lines] if before is not None else []
-    starts = [flights.strengths for flights in (before,) if flights and flights.strengths.size == observation.unknowns]
+    starts: tuple[Floats, ...] = ()
+    if before is not None and before.strengths.size == observation.unknowns:
+        starts = (before.strengths,)
     estimate = observation.estimate_floor(design_matrix(bins, waves, polynomials), starts)
     if waves:
         waves = refined(bins, observation, waves, polynomials, estimate.best)

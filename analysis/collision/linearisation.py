@@ -94,9 +94,10 @@ def linear_path(
 ) -> LinearPath:
     """Linearise a collision with ``active`` effects (those with hidden states first) at ``time_s`` from first touch.
 
-    ``time_s`` is an even grid, with at least ``steps`` steps per sample.  ``for_forces``: for forces that do not depend
-    on the state; without effects the matrices are then constant within a mode.  Takes about 2 us per step, 0.5 us for
-    forces without effects.  Raises Infeasible if too many steps are needed or the motion cannot be solved.
+    ``time_s`` is an even grid, with at least ``steps`` steps per sample.  ``for_forces``: the path carries
+    given forces only, no effects under test.  If there are no ``active`` effects either, the matrices are constant
+    within a mode, and states are needed at events only.  Takes about 2 us per step, then 0.5 us.  Raises Infeasible if
+    too many steps are needed or the motion cannot be solved.
     """
     fastest = fastest_rates(collision, active)
     spacing = float(time_s[1] - time_s[0])

@@ -142,8 +142,8 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
     """Write the matrices of every step; return False if ``room`` is too small.  About 1 us each, less if constant.
 
     If A and E are constant over a step, as for most effects within a mode, they are reused for _REUSED_STEPS steps.
-    If there is no room for effect inputs, the inertia's weights are not written either: those of a state that is not
-    known.  ``room`` holds ``room_for`` zeros.
+    If ``out.effect_inputs`` is empty, states are known at events only: the inertia's weights, which depend on them, are
+    NaN.  ``room`` holds ``room_for`` zeros.
     """
     system, steps, out = by_address(system), by_address(steps), by_address(out)
     n, size = out.propagator.shape[1], 4 * ((out.propagator.shape[1] + 5) // 4)

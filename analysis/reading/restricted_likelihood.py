@@ -25,7 +25,7 @@ _ENOUGH, _LEAST = 5e-3, 1e-3  # first-order gain and actual gain of ln L by a st
 _TRIES, _SHORTER = 5, 0.3  # trials of one step, and the length of each relative to the one before
 _GAIN_TOLERANCE = 0.15  # allowed deviation of actual over first-order gain from 1/2, its value for a correct curvature
 _NEAR = 0.5  # largest step of a logarithm over which a curvature is corrected instead of computed anew
-_LARGE = 200_000  # numbers of the bands' covariances of a shot
+_LARGE = 200_000  # numbers in a shot's covariances of bands, from which on two threads are faster than one
 _MIN_LEVEL = 1e-3  # least eigenvalue of a curvature: priors make it larger unless rounding interferes
 
 
@@ -71,7 +71,7 @@ class ShotResidual:
 
     def whitened(self, at: Floats) -> "_Whitened":
         """Return the shot whitened by its whole covariance; LinAlgError if that is singular to rounding."""
-        root, half, products = self._whitened(at)
+        root, half, products = self._factored(at)
         triangle, _ = dpotri(root.T)  # half of the symmetric inverse, zero elsewhere
         inverse = triangle + triangle.T
         np.einsum("ii->i", inverse)[:] *= 0.5
@@ -79,9 +79,9 @@ class ShotResidual:
 
     def products(self, at: Floats) -> Floats:
         """Return the products of residual and derivatives, fully whitened, shape (1 + q, 1 + q)."""
-        return self._whitened(at)[2]
+        return self._factored(at)[2]
 
-    def _whitened(self, at: Floats) -> tuple[Floats, Floats, Floats]:
+    def _factored(self, at: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the Cholesky factor of the covariance, ``along`` divided by it, and ``products``."""
         motion = (np.exp(at[1:] - at[0]) @ self.bands.covariances).reshape(len(self.along), -1)
         root = root_of(motion, self.rounding)
@@ -242,7 +242,7 @@ class RestrictedLikelihood:
         return values, covariances
 
     def _of_each(self, function: Callable[[int], Result]) -> tuple[Result, ...]:
-        """Return ``function`` of every shot's index; in two threads if the matrices are so large that it pays."""
+        """Return ``function`` of every shot's index, in two threads if the shots' matrices are large."""
         indices = range(len(self.shots))
         if self.shots[0].bands.covariances.size < _LARGE:
             return tuple(map(function, indices))

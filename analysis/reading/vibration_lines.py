@@ -63,10 +63,10 @@ def add_line(
     """
     design = design_matrix(bins, waves, polynomials)
     white, *octaves, drag = estimate.best
-    frequency = _frequencies(bins)
-    tried = observation.padded(np.hstack(bins.waves(frequency)))
+    likelihood, frequency = observation.likelihood(design), _frequencies(bins)
+    sines = observation.padded(np.hstack(bins.waves(frequency)))
     for at in (estimate.best, np.array([white, *np.minimum.accumulate(octaves), drag])):
-        line = _strongest_line(observation.likelihood(design).at(at), frequency, tried, bins.std_m)
+        line = _strongest_line(likelihood.at(at), frequency, sines, bins.std_m)
         if line is None:
             continue
         more = refined(bins, observation, [*waves, line], polynomials, at)

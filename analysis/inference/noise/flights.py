@@ -177,7 +177,7 @@ def _two_levels(power, shape):  # type: ignore[no-untyped-def]
         step_a = min(max((bb * score_a - ab * score_b) / determinant, -1.0), 1.0)
         step_b = min(max((aa * score_b - ab * score_a) / determinant, -1.0), 1.0)
         a, b = a * math.exp(step_a), b * math.exp(step_b)
-        a_ends = abs(step_a) < 1e-6 or (step_a < 0.0 and a < 1e-9 * b * lowest)  # the second: it is nothing beside b
+        a_ends = abs(step_a) < 1e-6 or (step_a < 0.0 and a < 1e-9 * b * lowest)  # converged, or vanishing beside b
         b_ends = abs(step_b) < 1e-6 or (step_b < 0.0 and b * highest < 1e-9 * a)
         if a_ends and b_ends:
             break

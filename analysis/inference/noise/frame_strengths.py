@@ -158,7 +158,10 @@ def learn(
 
 @dataclass(frozen=True, slots=True)
 class LikelyStrengths:
-    """The strengths of greatest restricted likelihood as ``noise``, and the likelihood about them for q parameters."""
+    """The frame's strengths of greatest restricted likelihood, as ``noise``, and how likely others are.
+
+    ``best`` is the maximum of ``likelihood``; ``size`` is the number q of fitted parameters.
+    """
 
     noise: Floor
     likelihood: RestrictedLikelihood
@@ -190,7 +193,7 @@ def likely_strengths(
     left, shape = _ShotSet(series, tangents, shots, site), _shape_of(start)
     likelihood = left.under(shape)
     best = likelihood.greatest((np.array([2.0 * math.log(start.white_m), *start.site]),), left.curve)
-    likelihood.curvature(best)
+    likelihood.curvature(best)  # cached for the covariance; raises LinAlgError if the parameters are not determined
     floor = _LikeliestStrengths(shape, best.at, best.value).floor
     return LikelyStrengths(floor, likelihood, best, tangents.size)
 

@@ -92,9 +92,7 @@ def test_for_forces_alone_a_path_is_the_same_without_what_only_effects_need(plac
     inertia = 3
     known, found = (np.delete(path.weights, inertia, axis=3) for path in (whole, brief))
     np.testing.assert_allclose(found, known, atol=1e-9 * np.abs(known).max())
-    assert np.isnan(brief.weights[:, :, 1, inertia]).all() and brief.effect_inputs.shape == (
-        0,
-        *whole.effect_inputs.shape[1:],
-    )
+    assert np.isnan(brief.weights[:, :, 1, inertia]).all()
+    assert brief.effect_inputs.shape == (0, *whole.effect_inputs.shape[1:])
     with_effects = [linear_path(RIG, CASES[3][1], TIME_S, for_forces=alone) for alone in (False, True)]
     np.testing.assert_array_equal(*(path.effect_inputs for path in with_effects))

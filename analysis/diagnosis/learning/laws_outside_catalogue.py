@@ -67,7 +67,7 @@ def _in_turn(known: Explanation, alone: SingleLaw, beat: float) -> Iterator[Expl
         if first.fitted.bic < instead:
             verdict = conclude(explained=first.explains, effects=(), laws=first.laws)
             yield _explained(known, held, verdict, first.fitted, first.residual, first.predictions, laws=first.laws)
-    if helped is None:
+    if helped is None or not nearest.converged:
         return
     tell("learning a law beside the effects that came nearest", 0.83)
     what = "a law beside the effects that came nearest"
@@ -160,7 +160,7 @@ def _anew(
 
 def _helps(before: Fitted, nearest: Fitted, held: tuple[int, ...], stop: Stop) -> Predictions | None:
     """Return the predictions without and with the effects that came nearest; None where the effects do not help."""
-    if nearest is before or not held or not nearest.converged:
+    if nearest is before or not held:
         return None
     first, told = (predict(fitted, held, nearest.noise, stop) for fitted in (before, nearest))
     return (

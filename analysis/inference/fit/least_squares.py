@@ -1,5 +1,6 @@
 """Levenberg-Marquardt minimisation of a sum of squares with exact derivatives and bounds on the parameters."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -53,8 +54,8 @@ class Square:
 class Minimum:
     """The end of a search; ``converged``: the next step would move no parameter by 1e-3 standard deviations.
 
-    A search also counts as converged if rounding hides the effect of steps up to 0.1 standard deviations, or at a
-    corner: chi^2 rises for any step length, and the next step is shorter than a standard deviation.
+    A search also counts as converged if rounding hides the effect of steps up to 0.1 standard deviations, or on an
+    edge, beyond which chi^2 rises for any step length, if the next step along the edge is shorter than one of them.
     """
 
     parameters: Floats
@@ -71,7 +72,8 @@ _NEAR_ENOUGH = 0.3  # fraction of the predicted fall of chi^2 whose absence is t
 _STEEP = 1e-5  # relative damping: directions with less curvature are not corrected
 _LITTLE = 15.0  # predicted fall of chi^2 below which ``stop_early`` is called
 _ROUNDED = 1e-2  # predicted fall of chi^2 below which failing steps are due to rounding (noise of 1 pm)
-_CORNER = 1.0  # predicted fall of chi^2 below which a corner counts as converged, as at the end of a force's range
+_ON_EDGE = 1.0  # predicted fall of chi^2 along an edge, as at the end of a force's range, that counts as converged
+_ACROSS = 1e-2  # part of the next step that crosses an edge
 _MAX_DAMPING = 1e12  # relative damping at which steps vanish
 _SHORTER = 0.7  # largest ratio of the next step's length to a refused one's: longer would be refused as well
 _STRAIGHT = 1.0  # predicted fall of chi^2 below which a step is too short for corrections
@@ -126,8 +128,11 @@ def minimise(
             here, square = trial
             damping.ease(fell / expected)
         elif expected < 1e-12 * square.chi2 + tolerance * 1e-2:  # rounding hides falls below 1e-12 of chi^2
-            at_corner = residual is not None and _rises(residual, square, there, expected)
-            return Minimum(here, square, 0 <= promised < (_CORNER if at_corner else _ROUNDED) * unit)
+            ended = 0 <= promised < _ROUNDED * unit
+            if not ended and newton is not None and promised > 0:
+                across = np.clip(here + _ACROSS * newton, low, high)
+                ended = _fall_along_edge(function, square, across, newton, free) < _ON_EDGE * unit
+            return Minimum(here, square, ended)
         else:
             damping.refuse(_length(square, there - here))
     return Minimum(here, square, False)
@@ -210,13 +215,22 @@ def _trial(
         return None
 
 
-def _rises(residual: Residual, square: Square, there: Floats, expected: float) -> bool:
-    """Return whether chi^2 at ``there`` rises by more than the ``expected`` fall: the valley then has a corner."""
+def _fall_along_edge(function: Function, square: Square, across: Floats, newton: Floats, free: np.ndarray) -> float:
+    """Return the predicted fall of chi^2 along an edge, if one lies between this point and ``across``; else infinity.
+
+    A force's range may end just where the block turns: slightly beyond, the block never leaves it, and chi^2 rises
+    although its derivatives promise a fall.  They change at the edge by multiples of its normal n, and so does the
+    gradient g.  With the covariance C the Newton step's fall g C g loses (g C n)^2 / n C n on the edge.
+    """
     try:
-        left = residual(there)
+        beyond = function(across)
     except Infeasible:
-        return False
-    return float(left @ left) - square.chi2 > expected
+        return math.inf
+    normal = beyond.gradient - square.gradient
+    away = _step(square, free, 0.0, normal)  # - C n
+    if beyond.chi2 <= square.chi2 or away is None or not away.any():
+        return math.inf
+    return float(-newton @ square.gradient + (away @ square.gradient) ** 2 / (away @ normal))
 
 
 def _corrected(

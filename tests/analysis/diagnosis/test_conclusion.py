@@ -145,7 +145,7 @@ def test_what_explains_all_first_is_told_and_else_the_likeliest(
             else None
         )  # fmt: skip
 
-    nearest = SimpleNamespace(bic=likeliest["effects"], what="effects", linearise=lambda: None)
+    nearest = SimpleNamespace(bic=likeliest["effects"], what="effects", converged=True, linearise=lambda: None)
     for name, made in {
         "learn_second_law": lambda *_, **__: found("with a second", with_second),
         "learn_law": lambda *_, **__: found("joined", joined),

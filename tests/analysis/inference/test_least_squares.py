@@ -12,6 +12,7 @@ from analysis.inference.fit.least_squares import (
     Square,
     _corrected,
     _Damping,
+    _fall_along_edge,
     _length,
     damped_step,
     free_to_move,
@@ -119,7 +120,7 @@ def test_a_refused_step_is_followed_by_one_that_is_clearly_shorter() -> None:
         return Square(1e3 + 1e-3 * len(asked), curvature, np.array([2e4, -3.0]), 1000)
 
     found = minimise(square, start, evaluations=30)
-    lengths = np.sqrt(np.array(asked[1:]) ** 2 @ np.diag(curvature))
+    lengths = np.sqrt(np.array(asked[1:-1]) ** 2 @ np.diag(curvature))  # the last looks for an edge
     assert not found.converged and np.array_equal(found.parameters, start)
     assert np.all(lengths[1:] <= 0.7 * lengths[:-1]) and np.all(lengths[1:] >= 0.05 * lengths[:-1])
     assert 5 < len(asked) < 20
@@ -307,15 +308,11 @@ def test_where_the_last_step_needed_no_correction_derivatives_are_computed_at_on
     assert set(kinds[3:]) == {"square"}
 
 
-@pytest.mark.parametrize(
-    ("left", "rise", "converged"),
-    [
-        (1.0, 5.0, True),  # promises 0.1 of chi^2 beyond the corner, where it rises
-        (4.0, 5.0, False),  # promises 1.6
-        (1.0, 0.0, True),  # no corner: on to where the slope ends
-    ],
-)
-def test_a_corner_is_a_minimum_where_little_was_promised_beyond_it(left: float, rise: float, converged: bool) -> None:
+@pytest.mark.parametrize("rise", [5.0, 0.0])
+@pytest.mark.parametrize("left", [1.0, 4.0])
+def test_a_corner_is_a_minimum_however_much_was_promised_beyond_it(left: float, rise: float) -> None:
+    """The slope before the corner promises 0.1 and 1.6 of chi^2; without a rise the search goes on to its end."""
+
     def residual(z: np.ndarray) -> np.ndarray:
         return np.array([left - 0.1 * z[0] + rise * max(z[0], 0.0), 0.3 * z[0]])
 
@@ -326,5 +323,38 @@ def test_a_corner_is_a_minimum_where_little_was_promised_beyond_it(left: float, 
         )
 
     found = minimise(square, np.zeros(1), residual=residual)
-    assert found.converged is converged
+    assert found.converged
     assert bool(found.parameters[0] == 0.0) is (rise > 0.0)
+
+
+def test_along_an_edge_chi2_falls_to_the_minimum_among_the_points_of_the_edge() -> None:
+    """Beyond the edge n z = 0 stands a wall as steep as the root of the distance; here is a point of the edge."""
+    rng = np.random.default_rng(5)
+    for height in (-1.0, 4000.0):
+        root, lowest, normal = rng.standard_normal((9, 4)), rng.normal(0.0, 3.0, 4), rng.standard_normal(4)
+        inside = quadratic(root.T @ root, lowest)
+        here = np.array([1.0, 0.0, -1.0, 0.0])
+        here -= normal * (normal @ here) / (normal @ normal)
+        normal *= np.sign(normal @ (lowest - here))  # the minimum lies beyond the edge
+
+        def square(z: np.ndarray, inside: Any = inside, normal: np.ndarray = normal, height: float = height) -> Square:
+            at, far = inside(z), float(normal @ z)
+            if far <= 0.0:
+                return at
+            wall = normal * 0.5 * height / np.sqrt(far)  # chi^2 has twice this derivative
+            return Square(at.chi2 + 2 * height * np.sqrt(far), at.curvature, at.gradient + wall, at.samples)
+
+        at, free = inside(here), np.ones(4, dtype=bool)
+        newton = lowest - here
+        fall = _fall_along_edge(square, at, here + 1e-2 * newton, newton, free)
+        if height < 0.0:
+            assert fall == np.inf  # no edge: it goes on downhill
+            continue
+        plane = np.linalg.svd(normal[None])[2][1:]  # directions along the edge
+        step = -plane.T @ np.linalg.solve(plane @ at.curvature @ plane.T, plane @ at.gradient)
+        assert fall == pytest.approx(at.chi2 - inside(here + step).chi2, rel=1e-2) and fall > 1.0
+
+        def nowhere(_: np.ndarray) -> Square:
+            raise Infeasible("none")
+
+        assert _fall_along_edge(nowhere, at, here, newton, free) == np.inf

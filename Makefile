@@ -5,8 +5,10 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 SYSTEMS := linux win32 darwin
 LAST := $(lastword $(SYSTEMS))
+# The tests start Python some hundred times: its bytecode is kept, also on a machine that is told to keep none.
+export PYTHONDONTWRITEBYTECODE :=
 
-.PHONY: run test lint kernels types $(SYSTEMS:%=types-%) types-benchmarks unit slow mutants attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screen screenshots session clean test-lowest app deb
+.PHONY: run test lint kernels rewritten types $(SYSTEMS:%=types-%) types-benchmarks unit slow mutants attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screen screenshots session clean test-lowest app deb
 
 run: $(READY)
 	$(BIN)/python -m app.command_line.start
@@ -14,7 +16,7 @@ run: $(READY)
 # The kernels are compiled on one core: types are checked on the other meanwhile, the last system's beside the tests,
 # which often wait; all give way.
 test: lint
-	@$(MAKE) --no-print-directory --jobs 3 kernels $(patsubst %,types-%,$(filter-out $(LAST),$(SYSTEMS)))
+	@$(MAKE) --no-print-directory --jobs 4 kernels rewritten $(patsubst %,types-%,$(filter-out $(LAST),$(SYSTEMS)))
 	@$(MAKE) --no-print-directory --jobs 2 unit types-$(LAST)
 
 lint: $(READY)
@@ -34,6 +36,10 @@ types-benchmarks: types-linux
 # each once: two workers that meet an uncompiled one would both compile it
 kernels: $(READY)
 	$(BIN)/python -m app --prepare
+
+# pytest rewrites the tests' assertions: once, instead of once in each worker; what it cannot read it says in ``unit``
+rewritten: $(READY)
+	@nice $(BIN)/python -m pytest --collect-only -qqq > /dev/null || true
 
 unit: kernels
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist worksteal --durations 25 -m "not slow"

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dpotri
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from analysis.compiled import side_by_side, solve_triangle
 from analysis.shot import Floats
@@ -284,17 +284,17 @@ def _corrected(curve: Floats, step: Floats, fallen: Floats) -> Floats:
 
 
 def root_of(motion: Floats, rounding: float = 0.0) -> Floats:
-    """Return the Cholesky factor of 1 + motion, the covariance along whitened directions, shape (r, r).
+    """Return the Cholesky factor of 1 + motion, the covariance along whitened directions, shape (r, r), lower.
 
     ``motion`` is overwritten; its diagonal is first increased by its fraction ``rounding``.  LinAlgError if rounding
     leaves no Cholesky factor.
     """
     diagonal = np.einsum("ii->i", motion)  # a view
     diagonal += 1.0 + rounding * diagonal
-    root = np.asarray(np.linalg.cholesky(motion))
-    if not np.isfinite(root[-1, -1]):
+    upper, failed = dpotrf(motion.T, overwrite_a=True)
+    if failed or not np.isfinite(upper[-1, -1]):
         raise np.linalg.LinAlgError("the covariance has no Cholesky factor")
-    return root
+    return np.asarray(upper.T)
 
 
 def chain_precision(level_std: Floats, step_std: Floats) -> Floats:

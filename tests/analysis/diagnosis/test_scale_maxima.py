@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.search.forward_selection import Trail, add_effects
-from analysis.diagnosis.search.scale_maxima import at_likeliest_scale, at_other_scales, with_std_over
+from analysis.diagnosis.search.scale_maxima import _beyond_edges, at_likeliest_scale, at_other_scales, with_std_over
 from analysis.inference import Fitted, effect_parameters, refit
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
@@ -123,3 +123,21 @@ def test_a_faint_adhesion_may_end_between_other_gaps_that_the_bounces_reach() ->
     assert any(range_m(one) == pytest.approx(range_m(wrong), rel=0.02) for one in others)
     found, alone = (effect_parameters(one)[adhesion.effect]["range_m"] for one in (with_std_over(best, others), best))
     assert found.value == alone.value and found.std > 1.2 * alone.std
+
+
+def test_a_range_on_the_wrong_side_of_an_edge_is_found_without_a_score(monkeypatch: pytest.MonkeyPatch) -> None:
+    adhesion = KINDS["adhesion"]
+    trail = Trail(base_fit(shots({"adhesion": {"force_n": 3e-6, "range_m": 4e-5}})), [adhesion], calm)
+    begun = refit(trail.start.linearise(), adhesion, ({"force_n": 3e-6, "range_m": 4e-5},) * 3, calm)
+    assert begun is not None
+    right = begun.refitted(evaluations=60)
+    place = right.problem.names.index(("adhesion.range_m", -1))
+    std = np.sqrt(right.inverse[place, place])
+    wrong = right.problem.fit(right.z + 15.0 / std * right.inverse[:, place], evaluations=40)
+    assert wrong.converged and wrong.bic > right.bic + 50.0 and abs(wrong.z[place] - right.z[place]) > 4.0 * std
+    monkeypatch.setattr("analysis.diagnosis.search.scale_maxima._fitted_from", lambda *_: [])
+    best = at_likeliest_scale(wrong, trail)
+    assert best.bic < right.bic + 0.1 and abs(best.z[place] - right.z[place]) < 0.2 * std
+    assert at_likeliest_scale(right, replace(trail, elsewhere={})) is right
+    nothing = replace(right, inverse=np.full_like(right.inverse, np.nan))
+    assert not _beyond_edges(nothing, adhesion.effect, trail)

@@ -104,10 +104,8 @@ def _beyond_edges(fitted: Fitted, effect: Effect, trail: Trail) -> list[Fitted]:
     Where the range is one of the gaps that bounces reach chi^2 has an edge.  The likelier side may be too near to be
     another score: of 50 adhesions (seeds 119 to 121) three fits ended on the wrong side, 10 to 28 of chi^2 higher.
     """
-    problem = fitted.problem
-    place = problem.names.index((f"{effect.key}.{effect.parameters[effect.range_at].name}", -1))
-    std = math.sqrt(fitted.inverse[place, place])
-    if not std > 0.0:
+    problem, place, std = fitted.problem, _place(fitted, effect), _std(fitted, effect)
+    if not math.isfinite(std):
         return []
 
     def fit(times: float) -> Fitted | None:
@@ -157,7 +155,17 @@ def _nearly(fitted: Fitted, found: Sequence[Fitted], effect: Effect) -> list[Fit
 
 
 def _apart(one: Fitted, other: Fitted, effect: Effect) -> bool:
-    scale = _scale_of(effect)
-    assert scale is not None
-    first, second = (fitted.point.values[0][effect][scale] for fitted in (one, other))
-    return abs(math.log(first / second)) > _SAME
+    """Return whether two fits have different scales; ranges also by more than a standard deviation of the second."""
+    first, second = (fitted.z[_place(fitted, effect)] for fitted in (one, other))
+    return bool(abs(first - second) > (min(_SAME, _std(other, effect)) if effect.range_at >= 0 else _SAME))
+
+
+def _std(fitted: Fitted, effect: Effect) -> float:
+    """Return the standard deviation of the logarithm of an effect's scale; infinite if it is not determined."""
+    variance = fitted.inverse.diagonal()[_place(fitted, effect)]
+    return math.sqrt(variance) if variance > 0.0 else math.inf
+
+
+def _place(fitted: Fitted, effect: Effect) -> int:
+    """Return the index of the logarithm of an effect's scale in the search vector."""
+    return fitted.problem.names.index((f"{effect.key}.{_scale_of(effect)}", -1))

@@ -129,7 +129,7 @@ def minimise(
             damping.ease(fell / expected)
         elif expected < 1e-12 * square.chi2 + tolerance * 1e-2:  # rounding hides falls below 1e-12 of chi^2
             ended = 0 <= promised < _ROUNDED * unit
-            if not ended and newton is not None and promised > 0:
+            if newton is not None and promised >= _ROUNDED * unit:
                 across = np.clip(here + _ACROSS * newton, low, high)
                 ended = _fall_along_edge(function, square, across, newton, free) < _ON_EDGE * unit
             return Minimum(here, square, ended)

@@ -54,7 +54,7 @@ def at_other_scales(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) ->
         for kind in (kind for kind in fitted.problem.effects if kind.effect in scaled):
             found += trail.within("other frequencies and ranges", partial(_fits, fitted, kind, trail, thoroughly), none)
         trail.elsewhere[key] = found
-    return [one for one in trail.elsewhere[key] if any(_apart(one, fitted, effect) for effect in scaled)]
+    return [one for one in trail.elsewhere[key] if any(apart(one, fitted, effect) for effect in scaled)]
 
 
 def _scale_of(effect: Effect) -> str | None:
@@ -148,14 +148,16 @@ def _nearly(fitted: Fitted, found: Sequence[Fitted], effect: Effect) -> list[Fit
         if (
             determined
             and one.bic < fitted.bic + CRITERIA.nearly
-            and all(_apart(one, other, effect) for other in (fitted, *out))
+            and all(apart(one, other, effect) for other in (fitted, *out))
         ):
             out.append(one)
     return out
 
 
-def _apart(one: Fitted, other: Fitted, effect: Effect) -> bool:
-    """Return whether two fits have different scales; ranges also by more than a standard deviation of the second."""
+def apart(one: Fitted, other: Fitted, effect: Effect) -> bool:
+    """Return whether two fits have an effect at different scales; ranges also by a standard deviation of the second."""
+    if _scale_of(effect) is None:
+        return False
     first, second = (fitted.z[_place(fitted, effect)] for fitted in (one, other))
     return bool(abs(first - second) > (min(_SAME, _std(other, effect)) if effect.range_at >= 0 else _SAME))
 

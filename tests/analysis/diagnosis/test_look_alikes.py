@@ -202,7 +202,8 @@ class Tried:
             linearised=lambda fitted: ("linear", fitted.bic),
         )  # fmt: skip
 
-        def instead(best: Any, at: Any, far: Any, frequency_hz: Any, stop: Any, kind: Any) -> Any:
+        def instead(best: Any, at: Any, far: Any, frequency_hz: Any, stop: Any, kind: Any, *, also: Any) -> Any:
+            assert also is None
             self.asked.append((at, far, frequency_hz, stop, kind.effect))
             assert best is self.best
             return self.fit(new[kind.effect], kind.effect) if kind.effect in new else None

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.diagnosis.search.competing_models import _with_scales_of
 from analysis.diagnosis.search.forward_selection import Trail, add_effects
 from analysis.diagnosis.search.scale_maxima import _beyond_edges, at_likeliest_scale, at_other_scales, with_std_over
 from analysis.inference import Fitted, effect_parameters, refit
@@ -125,19 +126,50 @@ def test_a_faint_adhesion_may_end_between_other_gaps_that_the_bounces_reach() ->
     assert found.value == alone.value and found.std > 1.2 * alone.std
 
 
-def test_a_range_on_the_wrong_side_of_an_edge_is_found_without_a_score(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module")
+def sides() -> tuple[Fitted, Fitted, Trail]:
+    """Return the fits of an adhesion on the right and on the wrong side of an edge, 100 of the criterion apart."""
     adhesion = KINDS["adhesion"]
     trail = Trail(base_fit(shots({"adhesion": {"force_n": 3e-6, "range_m": 4e-5}})), [adhesion], calm)
     begun = refit(trail.start.linearise(), adhesion, ({"force_n": 3e-6, "range_m": 4e-5},) * 3, calm)
     assert begun is not None
     right = begun.refitted(evaluations=60)
-    place = right.problem.names.index(("adhesion.range_m", -1))
-    std = np.sqrt(right.inverse[place, place])
-    wrong = right.problem.fit(right.z + 15.0 / std * right.inverse[:, place], evaluations=40)
-    assert wrong.converged and wrong.bic > right.bic + 50.0 and abs(wrong.z[place] - right.z[place]) > 4.0 * std
+    std = range_std(right)
+    wrong = right.problem.fit(right.z + 15.0 / std * right.inverse[:, range_place(right)], evaluations=40)
+    assert wrong.converged and wrong.bic > right.bic + 50.0 and abs(range_off(wrong, right)) > 4.0 * std
+    return right, wrong, trail
+
+
+def range_place(fitted: Fitted) -> int:
+    return fitted.problem.names.index(("adhesion.range_m", -1))
+
+
+def range_std(fitted: Fitted) -> float:
+    return math.sqrt(fitted.inverse.diagonal()[range_place(fitted)])
+
+
+def range_off(one: Fitted, other: Fitted) -> float:
+    return float(one.z[range_place(one)] - other.z[range_place(other)])
+
+
+def test_a_range_on_the_wrong_side_of_an_edge_is_found_without_a_score(
+    sides: tuple[Fitted, Fitted, Trail], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    right, wrong, trail = sides
     monkeypatch.setattr("analysis.diagnosis.search.scale_maxima._fitted_from", lambda *_: [])
-    best = at_likeliest_scale(wrong, trail)
-    assert best.bic < right.bic + 0.1 and abs(best.z[place] - right.z[place]) < 0.2 * std
+    best = at_likeliest_scale(wrong, replace(trail, elsewhere={}))
+    assert best.bic < right.bic + 0.1 and abs(range_off(best, right)) < 0.2 * range_std(right)
     assert at_likeliest_scale(right, replace(trail, elsewhere={})) is right
     nothing = replace(right, inverse=np.full_like(right.inverse, np.nan))
-    assert not _beyond_edges(nothing, adhesion.effect, trail)
+    assert not _beyond_edges(nothing, KINDS["adhesion"].effect, trail)
+
+
+def test_beside_a_look_alike_an_effect_also_starts_at_the_range_of_the_best_fit(
+    sides: tuple[Fitted, Fitted, Trail],
+) -> None:
+    right, wrong, trail = sides
+    assert _with_scales_of(right, right, trail) is None
+    back = _with_scales_of(right, wrong, trail)
+    assert back is not None and np.flatnonzero(back.z != wrong.z).size <= 2  # force and range
+    effect = KINDS["adhesion"].effect
+    assert back.point.values[0][effect] == pytest.approx(right.point.values[0][effect], rel=1e-9)

@@ -14,13 +14,14 @@ from analysis.diagnosis.search.scale_maxima import apart
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.diagnosis.verdict.residual import Residual, residual_of
-from analysis.inference import Fitted, Linearised, TrialEffect, refit
+from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 from analysis.shot import Cancelled, Stop
 
 Separations = Mapping[Effect, Separation]
 Start = tuple[Mapping[str, float], ...]  # an effect's values per shot
 
 _FITTED = 2  # look-alikes fitted per effect, at most
+_SCORED = 2  # starts by score in an effect's place, at most: a slow viscoelastic arm is another maximum than a fast one
 _ALIKE = 0.6  # a look-alike is fitted if less than this share of the effect's size remains given it
 _ONE_LINE = 0.03  # relative difference of frequency below which two lines count as one
 _STRONGER = 10.0
@@ -161,12 +162,14 @@ def fitted_instead(
 
     The fit starts from the one without the effect, since base parameters respond to each effect differently, and
     ``also`` from another such.  A line starts at the frequency of the line that it replaces, any other effect where it
-    imitates the replaced one best.
+    imitates the replaced one best, and, if its row tries several times or ranges, where it scores best.
     """
     if stop():
         raise Cancelled
     starts = [far.starts[kind.effect]]
-    if frequency_hz is not None and "frequency_hz" in starts[0][0]:
+    if "frequency_hz" not in starts[0][0]:
+        starts += [score.start for score in distinct_starts(at.scores(kind))[:_SCORED]] if len(kind.starts) > 1 else []
+    elif frequency_hz is not None:
         starts = _of_one_line(at, kind, starts[0], frequency_hz)
     from_where = [at] if also is None else [at, also]
     every = [refit(where, kind, start, stop, least_bic=best.bic) for where in from_where for start in starts]

@@ -323,13 +323,13 @@ def test_in_the_place_of_an_effect_another_begins_where_it_imitates_it_best(monk
     assert instead(mode, 1000.0)[0] == ("z", 110.0)  # the likelier of two places to begin
     assert [one[2][0]["frequency_hz"] for one in asked] == [1010.0, 1000.0]
     assert instead(mode) is None and [one[2] for one in asked] == [(line,)]
+    best.noise = SimpleNamespace(site=(1.0,))  # a building's noise keeps its shape
+    assert instead(mode, 1000.0)[3] is best.noise
+    with pytest.raises(Cancelled):
+        instead(drag, None, lambda: True)
     # a time or a range may have several maxima: also where it scores best
     adhesion, imitation = KINDS["adhesion"], {"force_n": 1e-6, "range_m": 1e-5}
     scored = [({"force_n": 1e-6, "range_m": range_m},) for range_m in (1e-4, 3e-5, 3e-6)]
     at.scores = lambda kind: [Score(kind, start, 50.0 - place, 2) for place, start in enumerate(scored)]
     far.starts[adhesion.effect] = (imitation,)
     assert instead(adhesion) is None and [one[2] for one in asked] == [(imitation,), *scored[:2]]
-    best.noise = SimpleNamespace(site=(1.0,))  # a building's noise keeps its shape
-    assert instead(mode, 1000.0)[3] is best.noise
-    with pytest.raises(Cancelled):
-        instead(drag, None, lambda: True)

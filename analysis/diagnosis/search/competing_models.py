@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from analysis.collision import Effect
+from analysis.collision import Effect, Infeasible
 from analysis.diagnosis.search.forward_selection import Trail, better, without
 from analysis.diagnosis.search.scale_maxima import apart
 from analysis.diagnosis.verdict.criteria import CRITERIA
@@ -138,14 +138,18 @@ def _with_scales_of(best: Fitted, fewer: Fitted, trail: Trail) -> Linearised | N
     """Return the model of ``fewer``, linearised with the effects as in ``best`` whose range or frequency it has lost.
 
     Without the effect that is to be replaced, the others may end at other maxima, to which a look-alike would be added
-    in vain (plate damping beside an adhesion whose range was a third too large: 87 of the criterion).  None if none is.
+    in vain (plate damping beside an adhesion whose range was a third too large: 87 of the criterion).  None where no
+    effect has lost its scale, or the model has no trajectory.
     """
     lost = [effect for effect in trail.added(fewer) if apart(fewer, best, effect)]
     if not lost:
         return None
     both = zip(fewer.effective.values, best.effective.values, strict=True)
     values = tuple({**of, **{effect: likelier[effect] for effect in lost}} for of, likelier in both)
-    return fewer.problem.linearise(fewer.problem.pack_effective(replace(fewer.effective, values=values)))
+    try:
+        return fewer.problem.linearise(fewer.problem.pack_effective(replace(fewer.effective, values=values)))
+    except Infeasible:
+        return None
 
 
 def fitted_instead(

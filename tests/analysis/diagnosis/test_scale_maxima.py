@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.collision import Infeasible
 from analysis.diagnosis.search.competing_models import _with_scales_of
 from analysis.diagnosis.search.forward_selection import Trail, add_effects
 from analysis.diagnosis.search.scale_maxima import _beyond_edges, at_likeliest_scale, at_other_scales, with_std_over
@@ -165,7 +166,7 @@ def test_a_range_on_the_wrong_side_of_an_edge_is_found_without_a_score(
 
 
 def test_beside_a_look_alike_an_effect_also_starts_at_the_range_of_the_best_fit(
-    sides: tuple[Fitted, Fitted, Trail],
+    sides: tuple[Fitted, Fitted, Trail], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     right, wrong, trail = sides
     assert _with_scales_of(right, right, trail) is None
@@ -173,3 +174,9 @@ def test_beside_a_look_alike_an_effect_also_starts_at_the_range_of_the_best_fit(
     assert back is not None and np.flatnonzero(back.z != wrong.z).size <= 2  # force and range
     effect = KINDS["adhesion"].effect
     assert back.point.values[0][effect] == pytest.approx(right.point.values[0][effect], rel=1e-9)
+
+    def nowhere(*_: object) -> None:
+        raise Infeasible("no trajectory")
+
+    monkeypatch.setattr(type(wrong.problem), "linearise", nowhere)
+    assert _with_scales_of(right, wrong, trail) is None

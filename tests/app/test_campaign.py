@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 import signal
+import time
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +97,11 @@ def test_a_scheduler_that_cannot_be_connected_to_is_said_in_one_line(
     assert main(["--replay", str(shots / "a"), "--scheduler", address]) == 1
     said = capsys.readouterr().err
     assert said.count("\n") == 1 and said.startswith(f"levimass: {address}: ") and words in said
-    assert clients() <= before  # one that ended while the next one begins would wait for a lock that the next one holds
+    # one that ended while the next one begins would wait for a lock that the next one holds
+    deadline = time.monotonic() + 10.0
+    while clients() > before and time.monotonic() < deadline:  # on a busy machine it was once still there
+        time.sleep(0.1)
+    assert clients() <= before
 
 
 def test_what_was_not_reached_is_no_result(shots: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

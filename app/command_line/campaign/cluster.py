@@ -5,6 +5,7 @@ import gc
 import ipaddress
 import logging
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -30,6 +31,7 @@ WORKERS_RETURN_S = 15.0  # the same during a campaign; a nanny needs some second
 SILENT_S = 60.0  # silence after which a worker is lost; workers report twice per second; dask itself waits 5 min
 CHECK_S = 60.0  # longest wait for the check of a worker
 _WATCH_S = 1.0
+_RELEASED_S = 5.0  # longest wait until the thread of a client that could not connect no longer holds it
 _MAX_FOLDERS = 200  # most folders checked by each worker; others, if missing, are reported with each shot
 
 
@@ -200,11 +202,18 @@ def _client(address: str) -> Any:
     except ImportError:
         raise OSError(0, "needs dask.distributed: pip install 'levimass[cluster]'", "--scheduler") from None
     _silence_libraries()
+    client = Client.__new__(Client)  # so that one that does not connect can be watched until it is deleted
     try:
-        return Client(address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
+        Client.__init__(client, address, timeout=SCHEDULER_ANSWERS_S, set_as_default=False)
+        return client
     except (OSError, ValueError, TypeError, RuntimeError) as error:
         why = _why_not_connected(error)
+    incomplete, until_s = weakref.ref(client), time.monotonic() + _RELEASED_S
+    del client
     gc.collect()  # deletes the incomplete client, which would block on a lock for ever once another client starts
+    while incomplete() is not None and time.monotonic() < until_s:  # its thread still holds it after telling why
+        time.sleep(0.01)
+        gc.collect()
     raise WorkersLost(0, why, address)
 
 

@@ -5,7 +5,7 @@ BIN := $(VENV)/bin
 READY := $(VENV)/.ready
 SYSTEMS := linux win32 darwin
 LAST := $(lastword $(SYSTEMS))
-# The tests start Python some hundred times: its bytecode is kept, also on a machine that is told to keep none.
+# The tests start Python about a hundred times, so compiled modules are kept even if the environment forbids it.
 export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: run test lint kernels rewritten types $(SYSTEMS:%=types-%) types-benchmarks unit slow mutants attack bench bench-loop bench-drives bench-coverage bench-sites bench-soak bench-streaming screen screenshots session clean test-lowest app deb
@@ -37,7 +37,8 @@ types-benchmarks: types-linux
 kernels: $(READY)
 	$(BIN)/python -m app --prepare
 
-# pytest rewrites the tests' assertions: once, instead of once in each worker; what it cannot read it says in ``unit``
+# pytest rewrites the tests' assertions so that failures show values: once here, not once in each worker.  Errors are
+# shown by ``unit``.
 rewritten: $(READY)
 	@nice $(BIN)/python -m pytest --collect-only -qqq > /dev/null || true
 

@@ -58,7 +58,7 @@ def _in_turn(known: Explanation, alone: SingleLaw, beat: float) -> Iterator[Expl
     if helped is not None:
         rest = residual_of(nearest, nearest.linearise())
         # laws that explain all must be about as likely as effects that leave a residual, and likelier than effects
-        # whose residual is within chance
+        # whose residual is within chance, also if the fit of the effects has not converged
         instead = min(beat, nearest.bic + (0.0 if rest.faint else CRITERIA.law_fall))
     if alone.one_or_two_laws_may_beat(instead) and (first := alone.found) is not None:
         if not first.explains:

@@ -5,7 +5,6 @@ second plate mode of some frequency.  The nearest are therefore fitted, starting
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from functools import partial
 
 from analysis.collision import Effect, Infeasible
@@ -21,7 +20,7 @@ Separations = Mapping[Effect, Separation]
 Start = tuple[Mapping[str, float], ...]  # an effect's values per shot
 
 _FITTED = 2  # look-alikes fitted per effect, at most
-_SCORED = 2  # starts by score in an effect's place, at most: a slow viscoelastic arm is another maximum than a fast one
+_SCORED = 2  # maximum number of starts by score: a slow viscoelastic arm is another maximum than a fast one
 _ALIKE = 0.6  # a look-alike is fitted if less than this share of the effect's size remains given it
 _ONE_LINE = 0.03  # relative difference of frequency below which two lines count as one
 _STRONGER = 10.0
@@ -54,8 +53,8 @@ def with_look_alikes_tried(
         new = [kind for kind in near if known[kind.effect] is None]
         fitted = {of: one for of, one in known.items() if one is not None}
         if new:
-            beside, moved = trail.linearised(fewer), _with_scales_of(best, fewer, trail)
-            instead = partial(fitted_instead, best, beside, separation_of_it, frequency_hz, trail.stop, also=moved)
+            beside, also = trail.linearised(fewer), _with_scales_of(best, fewer, trail)
+            instead = partial(fitted_instead, best, beside, separation_of_it, frequency_hz, trail.stop, also=also)
             fitted |= {kind.effect: one for kind in new if (one := instead(kind)) is not None}
         for other, one in fitted.items():
             if effect.has_simpler_look_alike(other):
@@ -135,19 +134,20 @@ def _without_wander(best: Fitted, one: Fitted, stop: Stop) -> Fitted:
 
 
 def _with_scales_of(best: Fitted, fewer: Fitted, trail: Trail) -> Linearised | None:
-    """Return the model of ``fewer``, linearised with the effects as in ``best`` whose range or frequency it has lost.
+    """Return ``fewer`` linearised, with effects whose range or frequency differs from that in ``best`` set as there.
 
-    Without the effect that is to be replaced, the others may end at other maxima, to which a look-alike would be added
-    in vain (plate damping beside an adhesion whose range was a third too large: 87 of the criterion).  None where no
-    effect has lost its scale, or the model has no trajectory.
+    Without the effect that is to be replaced, the others may end at another maximum, beside which a look-alike fits
+    badly (plate damping beside an adhesion whose range was a third too large: BIC 87 too high).  None if no range or
+    frequency differs, or there is no trajectory.
     """
     lost = [effect for effect in trail.added(fewer) if apart(fewer, best, effect)]
     if not lost:
         return None
-    both = zip(fewer.effective.values, best.effective.values, strict=True)
-    values = tuple({**of, **{effect: likelier[effect] for effect in lost}} for of, likelier in both)
+    effective, likelier = fewer.effective, best.effective.values
+    for effect in lost:
+        effective = effective.with_effect(effect, [of[effect] for of in likelier])
     try:
-        return fewer.problem.linearise(fewer.problem.pack_effective(replace(fewer.effective, values=values)))
+        return fewer.problem.linearise(fewer.problem.pack_effective(effective))
     except Infeasible:
         return None
 
@@ -164,21 +164,22 @@ def fitted_instead(
 ) -> Fitted | None:
     """Return the fit with ``kind`` in place of an effect that ``at`` lacks; None where there is no trajectory.
 
-    The fit starts from the one without the effect, since base parameters respond to each effect differently, and
-    ``also`` from another such.  A line starts at the frequency of the line that it replaces, any other effect where it
-    imitates the replaced one best, and, if its row tries several times or ranges, where it scores best.
+    The fit starts from the one without the effect, since base parameters respond to each effect differently, and from
+    ``also``, the same with other values.  A line starts at the frequency of the line that it replaces, any other effect
+    where it imitates the replaced one best.  An effect with several start times or ranges in the catalogue also starts
+    where it scores best.
     """
     if stop():
         raise Cancelled
     starts = [far.starts[kind.effect]]
-    if "frequency_hz" not in starts[0][0]:
-        starts += [score.start for score in distinct_starts(at.scores(kind))[:_SCORED]] if len(kind.starts) > 1 else []
-    elif frequency_hz is not None:
+    is_line = "frequency_hz" in starts[0][0]
+    if is_line and frequency_hz is not None:
         starts = _of_one_line(at, kind, starts[0], frequency_hz)
-    from_where = [at] if also is None else [at, also]
-    every = [refit(where, kind, start, stop, least_bic=best.bic) for where in from_where for start in starts]
-    trials = [trial for trial in every if trial is not None]
-    trial = min(trials, key=lambda fitted: fitted.bic, default=None)
+    elif not is_line and len(kind.starts) > 1:
+        starts += [score.start for score in distinct_starts(at.scores(kind))[:_SCORED]]
+    fits = [at] if also is None else [at, also]
+    trials = [refit(fit, kind, start, stop, least_bic=best.bic) for fit in fits for start in starts]
+    trial = min((trial for trial in trials if trial is not None), key=lambda fitted: fitted.bic, default=None)
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial
     # With frame motion a fit keeps the shape of the wandering noise.  Start with that of the best fit, since the

@@ -25,7 +25,7 @@ _SAME = 0.02  # ... and fits closer than this
 _MOST = 8  # maxima that are fitted
 _STEP = 0.02  # in ln f, between start frequencies of a mode of natural size
 _EVALUATIONS = 16
-_BEYOND_EDGES = (-6.0, -3.0, 3.0, 6.0)  # standard deviations of a range, at which further fits start
+_BEYOND_EDGES = (-6.0, -3.0, 3.0, 6.0)  # standard deviations of a range, from which further fits start
 
 
 def at_likeliest_scale(fitted: Fitted, trail: Trail, *, thoroughly: bool = True) -> Fitted:
@@ -99,10 +99,10 @@ def _fits(fitted: Fitted, kind: TrialEffect, trail: Trail, thoroughly: bool) -> 
 
 
 def _beyond_edges(fitted: Fitted, effect: Effect, trail: Trail) -> list[Fitted]:
-    """Return fits that start with the range of a force some standard deviations off, the other parameters following.
+    """Return fits that start with a force's range some standard deviations away, the other parameters following.
 
-    Where the range is one of the gaps that bounces reach chi^2 has an edge.  The likelier side may be too near to be
-    another score: of 50 adhesions (seeds 119 to 121) three fits ended on the wrong side, 10 to 28 of chi^2 higher.
+    chi^2 has an edge where the range equals a gap that a bounce reaches.  The scores, which are of coarse steps, may
+    miss the better side: of 50 adhesions (seeds 119 to 121) three fits ended on the wrong one, chi^2 10 to 28 higher.
     """
     problem, place, std = fitted.problem, _place(fitted, effect), _std(fitted, effect)
     if not math.isfinite(std):
@@ -155,16 +155,21 @@ def _nearly(fitted: Fitted, found: Sequence[Fitted], effect: Effect) -> list[Fit
 
 
 def apart(one: Fitted, other: Fitted, effect: Effect) -> bool:
-    """Return whether two fits have an effect at different scales; ranges also by a standard deviation of the second."""
+    """Return whether two fits have an effect at different scales; False if it has none.
+
+    Ranges also differ if they are more than a standard deviation of the second apart, as across an edge of chi^2.
+    """
     if _scale_of(effect) is None:
         return False
     first, second = (fitted.z[_place(fitted, effect)] for fitted in (one, other))
-    return bool(abs(first - second) > (min(_SAME, _std(other, effect)) if effect.range_at >= 0 else _SAME))
+    same = min(_SAME, _std(other, effect)) if effect.range_at >= 0 else _SAME
+    return bool(abs(first - second) > same)
 
 
 def _std(fitted: Fitted, effect: Effect) -> float:
     """Return the standard deviation of the logarithm of an effect's scale; infinite if it is not determined."""
-    variance = fitted.inverse.diagonal()[_place(fitted, effect)]
+    place = _place(fitted, effect)
+    variance = fitted.inverse[place, place]
     return math.sqrt(variance) if variance > 0.0 else math.inf
 
 

@@ -54,8 +54,9 @@ class Square:
 class Minimum:
     """The end of a search; ``converged``: the next step would move no parameter by 1e-3 standard deviations.
 
-    A search also counts as converged if rounding hides the effect of steps up to 0.1 standard deviations, or on an
-    edge, beyond which chi^2 rises for any step length, if the next step along the edge is shorter than one of them.
+    A search also counts as converged if rounding hides the effect of steps up to 0.1 standard deviations.  On an edge,
+    beyond which chi^2 rises for any step length, it has converged if the next step along the edge is shorter than one
+    standard deviation.
     """
 
     parameters: Floats
@@ -73,7 +74,7 @@ _STEEP = 1e-5  # relative damping: directions with less curvature are not correc
 _LITTLE = 15.0  # predicted fall of chi^2 below which ``stop_early`` is called
 _ROUNDED = 1e-2  # predicted fall of chi^2 below which failing steps are due to rounding (noise of 1 pm)
 _ON_EDGE = 1.0  # predicted fall of chi^2 along an edge, as at the end of a force's range, that counts as converged
-_ACROSS = 1e-2  # part of the next step that crosses an edge
+_ACROSS = 1e-2  # fraction of the next step that leads across an edge, if there is one
 _MAX_DAMPING = 1e12  # relative damping at which steps vanish
 _SHORTER = 0.7  # largest ratio of the next step's length to a refused one's: longer would be refused as well
 _STRAIGHT = 1.0  # predicted fall of chi^2 below which a step is too short for corrections
@@ -218,9 +219,9 @@ def _trial(
 def _fall_along_edge(function: Function, square: Square, across: Floats, newton: Floats, free: np.ndarray) -> float:
     """Return the predicted fall of chi^2 along an edge, if one lies between this point and ``across``; else infinity.
 
-    A force's range may end just where the block turns: slightly beyond, the block never leaves it, and chi^2 rises
-    although its derivatives promise a fall.  They change at the edge by multiples of its normal n, and so does the
-    gradient g.  With the covariance C the Newton step's fall g C g loses (g C n)^2 / n C n on the edge.
+    A force's range may equal the gap at which the block turns.  If it is slightly larger, the block never leaves it,
+    and chi^2 rises although its gradient g promises a fall.  At the edge g changes by a multiple of the edge's normal
+    n.  A Newton step lowers chi^2 by g C g, with C the covariance; along the edge by (g C n)^2 / (n C n) less.
     """
     try:
         beyond = function(across)

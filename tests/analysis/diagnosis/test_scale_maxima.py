@@ -11,11 +11,19 @@ import pytest
 from analysis.collision import Infeasible
 from analysis.diagnosis.search.competing_models import _with_scales_of
 from analysis.diagnosis.search.forward_selection import Trail, add_effects
-from analysis.diagnosis.search.scale_maxima import _beyond_edges, at_likeliest_scale, at_other_scales, with_std_over
+from analysis.diagnosis.search.scale_maxima import (
+    _beyond_edges,
+    _place,
+    _std,
+    at_likeliest_scale,
+    at_other_scales,
+    with_std_over,
+)
 from analysis.inference import Fitted, effect_parameters, refit
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 SUPPORT = KINDS["support_compliance"]
+ADHESION = KINDS["adhesion"].effect
 
 
 def searched(compliance_m_per_n: float, frequency_hz: float) -> tuple[Fitted, Trail]:
@@ -135,22 +143,14 @@ def sides() -> tuple[Fitted, Fitted, Trail]:
     begun = refit(trail.start.linearise(), adhesion, ({"force_n": 3e-6, "range_m": 4e-5},) * 3, calm)
     assert begun is not None
     right = begun.refitted(evaluations=60)
-    std = range_std(right)
-    wrong = right.problem.fit(right.z + 15.0 / std * right.inverse[:, range_place(right)], evaluations=40)
+    std = _std(right, ADHESION)
+    wrong = right.problem.fit(right.z + 15.0 / std * right.inverse[:, _place(right, ADHESION)], evaluations=40)
     assert wrong.converged and wrong.bic > right.bic + 50.0 and abs(range_off(wrong, right)) > 4.0 * std
     return right, wrong, trail
 
 
-def range_place(fitted: Fitted) -> int:
-    return fitted.problem.names.index(("adhesion.range_m", -1))
-
-
-def range_std(fitted: Fitted) -> float:
-    return math.sqrt(fitted.inverse.diagonal()[range_place(fitted)])
-
-
 def range_off(one: Fitted, other: Fitted) -> float:
-    return float(one.z[range_place(one)] - other.z[range_place(other)])
+    return float(one.z[_place(one, ADHESION)] - other.z[_place(other, ADHESION)])
 
 
 def test_a_range_on_the_wrong_side_of_an_edge_is_found_without_a_score(
@@ -159,10 +159,10 @@ def test_a_range_on_the_wrong_side_of_an_edge_is_found_without_a_score(
     right, wrong, trail = sides
     monkeypatch.setattr("analysis.diagnosis.search.scale_maxima._fitted_from", lambda *_: [])
     best = at_likeliest_scale(wrong, replace(trail, elsewhere={}))
-    assert best.bic < right.bic + 0.1 and abs(range_off(best, right)) < 0.2 * range_std(right)
+    assert best.bic < right.bic + 0.1 and abs(range_off(best, right)) < 0.2 * _std(right, ADHESION)
     assert at_likeliest_scale(right, replace(trail, elsewhere={})) is right
     nothing = replace(right, inverse=np.full_like(right.inverse, np.nan))
-    assert not _beyond_edges(nothing, KINDS["adhesion"].effect, trail)
+    assert not _beyond_edges(nothing, ADHESION, trail)
 
 
 def test_beside_a_look_alike_an_effect_also_starts_at_the_range_of_the_best_fit(
@@ -172,8 +172,7 @@ def test_beside_a_look_alike_an_effect_also_starts_at_the_range_of_the_best_fit(
     assert _with_scales_of(right, right, trail) is None
     back = _with_scales_of(right, wrong, trail)
     assert back is not None and np.flatnonzero(back.z != wrong.z).size <= 2  # force and range
-    effect = KINDS["adhesion"].effect
-    assert back.point.values[0][effect] == pytest.approx(right.point.values[0][effect], rel=1e-9)
+    assert back.point.values[0][ADHESION] == pytest.approx(right.point.values[0][ADHESION], rel=1e-9)
 
     def nowhere(*_: object) -> None:
         raise Infeasible("no trajectory")

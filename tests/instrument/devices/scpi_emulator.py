@@ -213,12 +213,15 @@ class TcpScope:
                     continue
 
     def _talk(self, link: socket.socket) -> None:
-        link.settimeout(0.05)
         waiting = b""
-        while not self._closing.is_set():
+        while True:
+            closing = self._closing.is_set()
+            link.settimeout(0.0 if closing else 0.05)  # what was sent before the end is still read
             try:
                 received = link.recv(4096)
-            except TimeoutError:
+            except (TimeoutError, BlockingIOError):
+                if closing:
+                    return
                 continue
             if not received:
                 return

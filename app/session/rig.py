@@ -16,6 +16,7 @@ from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Record
 from app.session.jobs import pop_all
 from app.session.kernels import Stage
 from instrument.capture import (
+    CAN_ARM,
     CaptureOptions,
     Deadlines,
     FinishedShot,
@@ -45,7 +46,6 @@ Open = Callable[[str], Digitizer]
 AwaitKernels = Callable[[Stage, Callable[[], bool]], None]  # returns once the kernels are ready, or raises Cancelled
 Change = Callable[[CaptureOptions], CaptureOptions]
 BENCH = "bench"
-LONGEST_ARMING_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,6 @@ class Rig:
         self._taken: dict[tuple[int, int], bool] = {}  # (serial, index) of shots returned -> whether the fit was due
         self._captured: set[tuple[int, int]] = set()
         self._serial = 0
-        self._arm_pressed: tuple[float, float] | None = None  # time of ARM, and ``since_s`` of the snapshot then
         self._problems: deque[str] = deque()
         self._found: tuple[tuple[str, str], ...] = ()
         self._network: tuple[str, ...] = ()
@@ -127,7 +126,6 @@ class Rig:
     def arm(self) -> None:
         """Arm for the light switch; a source that failed to open is opened again."""
         if self._running is not None:
-            self._arm_pressed = (self._clock(), self.latest().since_s)  # read before arming, which may succeed at once
             self._running.capture.arm(automatic=self.rearm)
         elif self._fault is not None:
             self.open(self.source)
@@ -135,7 +133,6 @@ class Rig:
     def abort(self) -> None:
         if self._running is not None:
             self._running.capture.abort()
-            self._arm_pressed = None
         elif self._requests.empty():
             self._fault = None
 
@@ -206,24 +203,15 @@ class Rig:
         if self._running is not None:
             self._running.capture.watch(on)
 
-    def arming(self, snapshot: Snapshot) -> bool:
-        """Return whether ARM was pressed but the digitizer is not armed yet; the first arming may take seconds."""
-        if self._arm_pressed is None or self._running is None:
-            return False
-        if snapshot.since_s != self._arm_pressed[1] or self._clock() - self._arm_pressed[0] > LONGEST_ARMING_S:
-            self._arm_pressed = None
-            return False
-        return True
-
     def can_arm(self, snapshot: Snapshot) -> bool:
         """Return whether ARM is possible now."""
         if self._running is None:
             return self._fault is not None
-        return not self.arming(snapshot) and snapshot.state in (State.IDLE, State.ANALYSING, State.FAULT)
+        return snapshot.state in CAN_ARM
 
     def can_abort(self, snapshot: Snapshot) -> bool:
         """Return whether Abort is possible now."""
-        return snapshot.state is not State.IDLE or self.arming(snapshot)
+        return snapshot.state is not State.IDLE
 
     def take_captured(self, snapshot: Snapshot) -> list[WaitingShot]:
         """Return the newly captured shots, each once, before their analysis."""

@@ -187,8 +187,10 @@ class MainWindow(QMainWindow):
         shots = "1 shot is" if count == 1 else f"{count} shots are"
         words = f"{shots} only in memory and will be lost: save to another folder (Ctrl+S)"
         found = dict.fromkeys(snapshot.unsaved, words)
-        if snapshot.state in (State.ARMED, State.TRIGGERED, State.TRANSFERRING):
-            found["rig"] = "The rig is armed" if snapshot.state is State.ARMED else "A shot is being recorded"
+        if snapshot.state in (State.ARMING, State.ARMED):
+            found["rig"] = "The rig is armed"
+        elif snapshot.state in (State.TRIGGERED, State.TRANSFERRING):
+            found["rig"] = "A shot is being recorded"
         if self.workbench.session.unsaved:
             found["session"] = f"{self.workbench.session.problem}; its notes and verdicts would be lost"
         jobs = self.workbench.jobs

@@ -32,10 +32,10 @@ class LastShot:
     in_memory: str
 
 
-def banner(snapshot: Snapshot, last_shot: LastShot | None, arming: bool = False) -> tuple[str, str, Tone]:
+def banner(snapshot: Snapshot, last_shot: LastShot | None) -> tuple[str, str, Tone]:
     """Return (word, sentence, tone) of the banner for the state of the rig."""
     state = snapshot.state
-    if arming:
+    if state is State.ARMING:
         return "ARMING", "Starting the digitizer; wait for ARMED before you push.", Tone.BUSY
     if state is State.ARMED:
         again = " Re-arms automatically." if snapshot.automatic else ""

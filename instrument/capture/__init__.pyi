@@ -1,10 +1,11 @@
-from .acquisition import Deadlines, State
+from .acquisition import CAN_ARM, Deadlines, State
 from .analysis_thread import STOPPED, ShotAnalysis, fit_here
 from .capture import AcquireError, Capture, acquire
 from .snapshot import KEPT_IN_MEMORY, FinishedShot, SignalLine, Snapshot, WaitingShot
 from .stream_reader import CaptureOptions
 
 __all__ = [
+    "CAN_ARM",
     "KEPT_IN_MEMORY",
     "STOPPED",
     "AcquireError",

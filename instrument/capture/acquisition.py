@@ -10,6 +10,7 @@ class State(StrEnum):
     """The state of the instrument."""
 
     IDLE = "idle"  # ready; signals may be watched
+    ARMING = "arming"  # the digitizer is being started, which may take seconds; a shot now would be missed
     ARMED = "armed"  # waiting for the light switch
     TRIGGERED = "triggered"  # the light switch fired; the samples of the shot are being received
     TRANSFERRING = "transferring"  # all samples were received; they are being written to disk
@@ -21,6 +22,7 @@ class Event(StrEnum):
     """An event that can change the state."""
 
     ARM = "arm"
+    STARTED = "started"  # the digitizer delivers samples, or waits for its own trigger
     ABORT = "abort"
     TRIGGER = "trigger"
     COMPLETE = "complete"  # the last sample of the shot was received
@@ -46,8 +48,11 @@ _S, _E, _A = State, Event, Action
 # (state, event) -> (next state, action); an unlisted pair changes nothing.  _next handles SAVED with automatic on.
 TABLE: Mapping[tuple[State, Event], tuple[State, Action]] = MappingProxyType(
     {
-        (_S.IDLE, _E.ARM): (_S.ARMED, _A.START),
+        (_S.IDLE, _E.ARM): (_S.ARMING, _A.START),
         (_S.IDLE, _E.FAIL): (_S.FAULT, _A.STOP),
+        (_S.ARMING, _E.STARTED): (_S.ARMED, _A.NONE),
+        (_S.ARMING, _E.ABORT): (_S.IDLE, _A.STOP),
+        (_S.ARMING, _E.FAIL): (_S.FAULT, _A.STOP),
         (_S.ARMED, _E.ABORT): (_S.IDLE, _A.STOP),
         (_S.ARMED, _E.TRIGGER): (_S.TRIGGERED, _A.NONE),
         (_S.ARMED, _E.FAIL): (_S.FAULT, _A.STOP),
@@ -61,16 +66,18 @@ TABLE: Mapping[tuple[State, Event], tuple[State, Action]] = MappingProxyType(
         (_S.TRANSFERRING, _E.SAVED): (_S.ANALYSING, _A.NONE),
         (_S.TRANSFERRING, _E.FAIL): (_S.FAULT, _A.STOP),
         (_S.TRANSFERRING, _E.TIMEOUT): (_S.FAULT, _A.STOP),
-        (_S.ANALYSING, _E.ARM): (_S.ARMED, _A.START),
+        (_S.ANALYSING, _E.ARM): (_S.ARMING, _A.START),
         (_S.ANALYSING, _E.ABORT): (_S.IDLE, _A.CANCEL),
         (_S.ANALYSING, _E.ANALYSED): (_S.IDLE, _A.NONE),
         (_S.ANALYSING, _E.FAIL): (_S.FAULT, _A.STOP),
         (_S.ANALYSING, _E.TIMEOUT): (_S.FAULT, _A.CANCEL),
-        (_S.FAULT, _E.ARM): (_S.ARMED, _A.START),
+        (_S.FAULT, _E.ARM): (_S.ARMING, _A.START),
         (_S.FAULT, _E.ABORT): (_S.IDLE, _A.NONE),
         (_S.FAULT, _E.FAIL): (_S.FAULT, _A.STOP),
     }
 )
+
+CAN_ARM = frozenset(state for state, event in TABLE if event is Event.ARM)
 
 # the message when a deadline passes: (what happened, what to do)
 TIMED_OUT: Mapping[State, tuple[str, str]] = MappingProxyType(
@@ -158,5 +165,5 @@ class Acquisition:
     def _next(self, event: Event) -> tuple[State, Action] | None:
         status = self.status
         if status.state is State.TRANSFERRING and event is Event.SAVED and status.automatic:
-            return State.ARMED, Action.START  # the analysis goes on in its own thread
+            return State.ARMING, Action.START  # the analysis goes on in its own thread
         return TABLE.get((status.state, event))

@@ -9,10 +9,11 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from analysis.shot import Setup
-from instrument.capture.acquisition import Acquisition, Deadlines, State
+from instrument.capture.acquisition import CAN_ARM, Acquisition, Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture_thread import CaptureThread
 from instrument.capture.snapshot import FinishedShot, SignalLine, Snapshot
@@ -69,6 +70,7 @@ class Capture:
 
     def arm(self, *, automatic: bool = False) -> None:
         """Arm: wait for the light switch; ``automatic``: re-arm after every shot until aborted."""
+        self._capture.arm_pressed_s = self._clock()
         self._orders.put(("arm", automatic))
 
     def set_automatic(self, on: bool) -> None:
@@ -101,7 +103,10 @@ class Capture:
 
     def latest(self) -> Snapshot:
         capture, live = self._capture, self._live
+        pressed_s = capture.arm_pressed_s  # read before the state, which changes before this is cleared
         status, stream, folder = capture.machine.status, capture.run.stream, capture.options.folder
+        if pressed_s is not None and status.state in CAN_ARM:
+            status = replace(status, state=State.ARMING, since_s=pressed_s)
         state, message, remedy = status.state, status.message, status.remedy
         streaming = stream is not None and stream.ring.total > stream.start and not capture.run.starting
         limit_s = _NO_ANSWER_S if streaming and not capture.run.simulated else _NO_START_S

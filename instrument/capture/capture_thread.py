@@ -47,6 +47,7 @@ class CaptureThread:
         self.shot: GrowingShot | None = None  # being received, or being written to disk
         self.folder_problem: str | None = None
         self.alive_s: float | None = None
+        self.arm_pressed_s: float | None = None  # when ARM was pressed, until the thread has taken the order
         self.closing = False
         self.touched = False  # while True only this thread may call the digitizer
         self.prepared = False  # while True every call of the digitizer returns soon
@@ -129,9 +130,12 @@ class CaptureThread:
     def _take(self, order: tuple[str, Any]) -> None:
         kind, what = order
         if self.closing and kind in ("arm", "options", "fire"):
+            self.arm_pressed_s = None
             return
         if kind == "arm":
-            self._do(self.machine.handle(Event.ARM, automatic=what))
+            action = self.machine.handle(Event.ARM, automatic=what)
+            self.arm_pressed_s = None  # only now, so that ``latest`` shows ARMING throughout
+            self._do(action)
         elif kind == "automatic":
             self.machine.set_automatic(what)
         elif kind == "abort":
@@ -181,6 +185,7 @@ class CaptureThread:
         assert stream is not None
         self._check_folder(2 * len(stream.channels) * settings.samples)
         stream.settings = settings
+        self._do(self.machine.handle(Event.STARTED))
 
     def _check_folder(self, shot_bytes: int) -> None:
         folder = self.options.folder

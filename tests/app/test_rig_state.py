@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from analysis.shot.shot import AnalysisSettings
-from app.session.rig import LONGEST_ARMING_S, Rig, _OpenSource
+from app.session.rig import Rig, _OpenSource
 from instrument.capture.acquisition import State
 from instrument.capture.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
@@ -89,7 +89,7 @@ def test_a_source_that_failed_says_why_and_can_be_armed_to_open_again(rig) -> No
     told = rig.latest()
     assert (told.state, told.message, told.remedy) == (State.FAULT, "no such device", "plug it in")
     assert told.since_s == 100.0
-    assert rig.can_arm(told) and rig.can_abort(told) and not rig.arming(told)
+    assert rig.can_arm(told) and rig.can_abort(told)
     assert (rig.opened, rig.channels, rig.bits, rig.rate_hz) == (None, (), None, None)
     assert rig.save_pending(Path("x")) == {}
     rig.now[0] = 200.0
@@ -138,6 +138,7 @@ def test_settings_that_cannot_be_applied_are_a_problem_told_once(rig) -> None:
     ("state", "arms", "aborts"),
     [
         (State.IDLE, True, False),
+        (State.ARMING, False, True),
         (State.ARMED, False, True),
         (State.ANALYSING, True, True),
         (State.FAULT, True, True),
@@ -146,23 +147,6 @@ def test_settings_that_cannot_be_applied_are_a_problem_told_once(rig) -> None:
 def test_arm_and_abort_are_offered_by_state(rig, state: State, arms: bool, aborts: bool) -> None:
     told = _runs(rig, state).latest()
     assert (rig.can_arm(told), rig.can_abort(told)) == (arms, aborts)
-
-
-def test_arming_lasts_until_the_state_changes_or_a_minute_is_over_or_it_is_aborted(rig) -> None:
-    capture = _runs(rig)
-    told = capture.latest()
-    assert not rig.arming(told)
-    rig.arm()
-    assert rig.arming(told) and rig.can_abort(told) and not rig.can_arm(told)
-    rig.now[0] += LONGEST_ARMING_S
-    assert rig.arming(told)
-    rig.now[0] += 0.1
-    assert not rig.arming(told) and rig.can_arm(told)
-    rig.arm()
-    assert not rig.arming(replace(told, since_s=11.0)) and not rig.arming(told)
-    rig.arm()
-    rig.abort()
-    assert not rig.arming(told)
 
 
 def test_a_captured_shot_is_handed_over_once_and_again_from_another_source(rig) -> None:

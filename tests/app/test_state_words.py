@@ -23,7 +23,7 @@ def _snapshot(state: State, **more) -> Snapshot:
 
 def test_every_state_has_a_word_a_sentence_and_a_tone():
     seen = {state: state_words.banner(_snapshot(state), None) for state in State}
-    assert {word for word, _, _ in seen.values()} == {"READY", "ARMED", "CAPTURED", "ANALYSING", "FAULT"}
+    assert {word for word, _, _ in seen.values()} == {"READY", "ARMING", "ARMED", "CAPTURED", "ANALYSING", "FAULT"}
     assert all(sentence for _, sentence, _ in seen.values())
     assert seen[State.FAULT][2] is Tone.BAD
 
@@ -190,4 +190,4 @@ def test_how_many_shots_wait_is_told_except_the_one_under_way():
         assert sentence.endswith(words)
     assert "Re-arms automatically" in state_words.banner(_snapshot(State.ARMED, automatic=True), None)[1]
     assert "Re-arms automatically" not in state_words.banner(_snapshot(State.ARMED), None)[1]
-    assert state_words.banner(_snapshot(State.IDLE), None, arming=True)[0] == "ARMING"
+    assert state_words.banner(_snapshot(State.ARMING), None)[0] == "ARMING"

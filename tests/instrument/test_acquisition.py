@@ -10,7 +10,8 @@ from instrument.capture.acquisition import TABLE, TIMED_OUT, Acquisition, Action
 
 # written out by hand a second time: what a person expects of each state; everything else must change nothing
 EXPECTED = {
-    "idle": {"arm": ("armed", "start"), "fail": ("fault", "stop")},
+    "idle": {"arm": ("arming", "start"), "fail": ("fault", "stop")},
+    "arming": {"started": ("armed", "none"), "abort": ("idle", "stop"), "fail": ("fault", "stop")},
     "armed": {
         "abort": ("idle", "stop"),
         "trigger": ("triggered", "none"),
@@ -30,20 +31,21 @@ EXPECTED = {
         "timeout": ("fault", "stop"),
     },
     "analysing": {
-        "arm": ("armed", "start"),
+        "arm": ("arming", "start"),
         "abort": ("idle", "cancel"),
         "analysed": ("idle", "none"),
         "fail": ("fault", "stop"),
         "timeout": ("fault", "cancel"),
     },
-    "fault": {"arm": ("armed", "start"), "abort": ("idle", "none"), "fail": ("fault", "stop")},
+    "fault": {"arm": ("arming", "start"), "abort": ("idle", "none"), "fail": ("fault", "stop")},
 }
 ROAD = {  # events that lead to each state
     State.IDLE: [],
-    State.ARMED: [Event.ARM],
-    State.TRIGGERED: [Event.ARM, Event.TRIGGER],
-    State.TRANSFERRING: [Event.ARM, Event.TRIGGER, Event.COMPLETE],
-    State.ANALYSING: [Event.ARM, Event.TRIGGER, Event.COMPLETE, Event.SAVED],
+    State.ARMING: [Event.ARM],
+    State.ARMED: [Event.ARM, Event.STARTED],
+    State.TRIGGERED: [Event.ARM, Event.STARTED, Event.TRIGGER],
+    State.TRANSFERRING: [Event.ARM, Event.STARTED, Event.TRIGGER, Event.COMPLETE],
+    State.ANALYSING: [Event.ARM, Event.STARTED, Event.TRIGGER, Event.COMPLETE, Event.SAVED],
     State.FAULT: [Event.FAIL],
 }
 
@@ -113,7 +115,7 @@ def test_of_a_wait_that_was_too_long_it_is_said_what_took_it_and_then_what_to_do
 def test_every_wait_has_a_deadline(state: State) -> None:
     machine, clock = at(state)
     limit = Deadlines().of(state)
-    if state in (State.IDLE, State.FAULT):
+    if state in (State.IDLE, State.ARMING, State.FAULT):  # in ARMING the thread waits for the driver itself
         assert limit is None
         clock.now += 1e9
         assert machine.tick() is Action.NONE
@@ -131,7 +133,8 @@ def test_every_wait_has_a_deadline(state: State) -> None:
 def test_automatic_rearms_until_aborted_or_failed() -> None:
     machine, _ = at(State.TRANSFERRING, automatic=True)
     for _ in range(3):
-        assert machine.handle(Event.SAVED) is Action.START
+        assert machine.handle(Event.SAVED) is Action.START and machine.status.state is State.ARMING
+        machine.handle(Event.STARTED)
         assert machine.status.state is State.ARMED and machine.status.automatic
         machine.handle(Event.TRIGGER)
         machine.handle(Event.COMPLETE)
@@ -154,7 +157,7 @@ def test_a_change_of_mind_about_rearming_holds_for_the_arming_under_way(state: S
         assert machine.status.automatic is on
         for event in (Event.TRIGGER, Event.COMPLETE, Event.SAVED):
             machine.handle(event)
-        assert machine.status.state is (State.ARMED if on else State.ANALYSING)
+        assert machine.status.state is (State.ARMING if on else State.ANALYSING)
     else:
         assert machine.status is before
 
@@ -174,4 +177,4 @@ def test_abort_leads_to_idle_from_anywhere(events: list[Event]) -> None:
     machine.handle(Event.ABORT)
     assert machine.status.state is State.IDLE
     machine.handle(Event.ARM)
-    assert machine.status.state is State.ARMED
+    assert machine.status.state is State.ARMING

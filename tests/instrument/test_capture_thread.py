@@ -500,6 +500,46 @@ def test_what_is_asked_of_a_capture_is_an_order_to_its_thread(tmp_path: Path) ->
     assert not capture._live.watched and capture._orders.empty()
 
 
+def test_arming_is_shown_from_the_press_until_the_digitizer_has_started(tmp_path: Path) -> None:
+    now, digitizer = [100.0], FakeDigitizer()
+    capture = Capture(digitizer, CaptureOptions(tmp_path, SETTINGS), live=False, clock=lambda: now[0])
+    thread = capture._capture
+
+    def shown() -> tuple[State, float]:
+        return capture.latest().state, capture.latest().since_s
+
+    during: list[tuple[State, float]] = []
+    starts = digitizer.arm
+
+    def arm(settings: object) -> None:
+        now[0] = 103.0
+        during.append(shown())
+        starts(settings)
+
+    digitizer.arm = arm  # type: ignore[method-assign]
+    assert shown() == (State.IDLE, 100.0)
+    now[0] = 101.0
+    capture.arm()
+    now[0] = 102.0
+    assert shown() == (State.ARMING, 101.0)  # the thread has not come to it yet
+    thread.take_orders()
+    assert during == [(State.ARMING, 102.0)] and shown() == (State.ARMED, 103.0)
+    capture.arm()
+    assert shown() == (State.ARMED, 103.0)  # pressed once more
+    thread.take_orders()
+    assert shown() == (State.ARMED, 103.0) and digitizer.armed == 1
+
+
+@pytest.mark.parametrize("closing", [False, True])
+def test_arming_ends_with_a_fault_or_with_the_capture(tmp_path: Path, closing: bool) -> None:
+    capture = Capture(FakeDigitizer(), CaptureOptions(tmp_path, replace(SETTINGS, sample_rate_hz=2e6)), live=False)
+    capture.arm()
+    assert capture.latest().state is State.ARMING
+    capture._capture.closing = closing
+    capture._capture.take_orders()
+    assert capture.latest().state is (State.IDLE if closing else State.FAULT)
+
+
 @pytest.mark.parametrize(
     ("how", "samples_came", "starting", "limit_s"),
     [

@@ -50,7 +50,7 @@ class RigPresenter(QObject):
         """Show the newest snapshot in banner, buttons, signal line and LIVE; return it."""
         snapshot = self._rig.latest()
         p = self._panels
-        word, sentence, tone = state_words.banner(snapshot, self._last_shot, self._rig.arming(snapshot))
+        word, sentence, tone = state_words.banner(snapshot, self._last_shot)
         since = "" if tone is Tone.NEUTRAL else duration(time.monotonic() - snapshot.since_s)
         p.banner.show_state(word, sentence, tone, since)
         p.banner.offer_saving(len(snapshot.unsaved))

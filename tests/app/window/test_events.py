@@ -281,7 +281,8 @@ def test_what_closing_would_lose_is_said_once_for_each_item(window, monkeypatch)
     cases = {
         "nothing": (quiet(), 0, 0), "unsaved": (quiet(unsaved=("a", "b")), 0, 0),
         "one unsaved": (quiet(unsaved=("a",)), 0, 0),
-        "armed": (quiet(state=State.ARMED), 0, 0), "recording": (quiet(state=State.TRANSFERRING), 0, 0),
+        "arming": (quiet(state=State.ARMING), 0, 0), "armed": (quiet(state=State.ARMED), 0, 0),
+        "triggered": (quiet(state=State.TRIGGERED), 0, 0), "recording": (quiet(state=State.TRANSFERRING), 0, 0),
         "analysing": (quiet(state=State.ANALYSING), 0, 0), "files": (quiet(), 1, 0), "more files": (quiet(), 3, 1),
     }  # fmt: skip
     parts = {}

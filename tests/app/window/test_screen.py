@@ -93,6 +93,7 @@ def test_every_state_of_the_rig(window, monkeypatch):
         poor, channels=(ChannelSignal(Role.MEASUREMENT, 0.0, 0.0, None, None),), folder_problem="/full is read-only"
     )
     states = {
+        "arming": quiet(state=State.ARMING),
         "armed, again by itself": quiet(state=State.ARMED, automatic=True),
         "armed, one waits": quiet(state=State.ARMED, waiting=waiting[:1]),
         "the switch fired": quiet(state=State.TRIGGERED, signal=poor),

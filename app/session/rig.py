@@ -6,25 +6,24 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
-from analysis.fitted import fit_pending
 from analysis.pipeline import read
 from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Recording, Shot
 from app.session.jobs import pop_all
 from app.session.kernels import Stage
 from instrument.capture import (
     CAN_ARM,
+    CapturedShot,
     CaptureOptions,
     Deadlines,
-    FinishedShot,
     ShotAnalysis,
     SignalLine,
     Snapshot,
     State,
-    WaitingShot,
     fit_here,
 )
 from instrument.devices import (
@@ -85,9 +84,8 @@ class Rig:
         self._requests: SimpleQueue[tuple[str, Change | None] | None] = SimpleQueue()
         self._fault: tuple[str, str] | None = None
         self._since_s = clock()
-        self._taken: dict[tuple[int, int], bool] = {}  # (serial, index) of shots returned -> whether the fit was due
-        self._captured: set[tuple[int, int]] = set()
-        self._serial = 0
+        self._numbers = count(1)  # of the shots, over all sources
+        self._taken: dict[int, tuple[bool, bool]] = {}  # what each shot awaited when it was last returned
         self._problems: deque[str] = deque()
         self._found: tuple[tuple[str, str], ...] = ()
         self._network: tuple[str, ...] = ()
@@ -213,22 +211,14 @@ class Rig:
         """Return whether Abort is possible now."""
         return snapshot.state is not State.IDLE
 
-    def take_captured(self, snapshot: Snapshot) -> list[WaitingShot]:
-        """Return the newly captured shots, each once, before their analysis."""
-        new = [shot for shot in snapshot.waiting if (self._serial, shot.number) not in self._captured]
-        self._captured.update((self._serial, shot.number) for shot in new)
-        return new
-
-    def take_finished(self, snapshot: Snapshot) -> list[FinishedShot]:
-        """Return newly finished shots: each once when its readings are ready or failed, and again once it is fitted."""
+    def take_shots(self, snapshot: Snapshot) -> list[CapturedShot]:
+        """Return each shot once when captured, when its readings are ready or failed, and when it is fitted."""
         new = []
-        for finished in snapshot.finished:
-            key, shot = (self._serial, finished.index), finished.shot
-            awaits = shot is not None and fit_pending(shot)
-            known = self._taken.get(key)
-            if (known is None or (known and not awaits)) and (shot is not None or finished.problem is not None):
-                self._taken[key] = awaits
-                new.append(replace(finished, fitted_later=known is not None))
+        for shot in snapshot.captured:
+            known, awaits = self._taken.get(shot.number), (shot.waits, shot.awaits_fit)
+            if awaits != known:
+                self._taken[shot.number] = awaits
+                new.append(replace(shot, fitted_later=known is not None and not known[0]))
         return new
 
     def take_problems(self) -> list[str]:
@@ -283,6 +273,7 @@ class Rig:
                 warm=self._warm,
                 deadlines=self._deadlines,
                 clock=self._clock,
+                numbers=self._numbers,
             )
             capture.start()
         except DigitizerError as error:
@@ -291,7 +282,6 @@ class Rig:
         except Exception as error:  # a driver may raise anything
             self._fault = (f"{source} could not be opened: {error!r}", "choose another source")
             return
-        self._serial += 1
         settings: CaptureSettings | None = options.settings or digitizer.default_settings()
         rate = settings.sample_rate_hz if settings is not None else None
         self._running = _OpenSource(source, digitizer, capture, able.channels, able.bits, rate)

@@ -5,7 +5,6 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.fitted import fit_pending
 from analysis.shot import AnalysisSettings, PlotNote, Shot
 from app.session.entry import Entry, entry_from_json, entry_to_json, keys_of, model_effects
 from app.session.verdict_basis import ModelEffects, VerdictBasis
@@ -92,14 +91,6 @@ class Session:
         entry = Entry(self._new_number(), name, path, settings)
         self._set((*self.entries, entry))
         return entry
-
-    def entry_awaiting_fit(self, shot: Shot) -> Entry | None:
-        """Return the newest entry of the same capture whose shot awaits its fit."""
-
-        def waits(there: Shot | None) -> bool:
-            return there is not None and fit_pending(there) and _capture_of(there) == _capture_of(shot)
-
-        return next((entry for entry in reversed(self.entries) if waits(entry.shot)), None)
 
     def fill(self, number: int, shot: Shot, *, version: str = "", note: str = "") -> Entry:
         """Set the shot of an entry, with its ``note`` unless the entry has one; return the entry.
@@ -286,7 +277,3 @@ class Session:
             except OSError:
                 session.path = None
         return session
-
-
-def _capture_of(shot: Shot) -> tuple[str, str | None, int | None]:
-    return shot.name, shot.started_at, shot.samples

@@ -27,7 +27,7 @@ from app.session.settings import correction_words
 from app.session.spool import Spool
 from app.session.verdict_basis import Diagnosed, Diagnoses, diagnose_shots, verdict_of
 from app.words import verdict_words
-from instrument.capture import STOPPED
+from instrument.capture import STOPPED, CapturedShot
 from instrument.files import RecordingError, find_recordings, rewrite_note
 from instrument.process import SubprocessWorker
 
@@ -75,7 +75,7 @@ class Workbench:
         self._settings, self._again = settings, again or settings
         self._waiting: list[Event] = []
         self._tried_at_s = -SAVE_AGAIN_S  # monotonic time of the last repeated attempt to save the session
-        self._captured: dict[tuple[str, str | None], int] = {}  # (name, path) -> entry awaiting the rig's analysis
+        self._awaiting: dict[int, int] = {}  # number of a rig's shot -> entry that awaits its readings or its fit
 
     def close(self) -> bool:
         """Cancel all jobs and wait for the threads; return whether they ended."""
@@ -119,7 +119,7 @@ class Workbench:
         self._work.cancel_session_jobs()
         self.model.forget()
         self.diagnoses.clear()
-        self._captured.clear()  # shots still being analysed are added to the new session
+        self._awaiting.clear()  # shots still being analysed are added to the new session
         self.session.switch_to(other)
         self.read_unread()
 
@@ -182,20 +182,19 @@ class Workbench:
         """Return the rig values that a repeated analysis would correct, in words; "" for none."""
         return ", ".join(correction_words(self._again().corrections))
 
-    def add_captured(self, name: str, path: Path | None) -> Entry:
-        """Add a captured shot to the session before its analysis."""
-        where = None if path is None else str(path)
-        entry = self.session.add_captured(name, where, self._settings())
-        self._captured[name, where] = entry.number
+    def add_captured(self, captured: CapturedShot) -> Entry:
+        """Add a shot of the rig to the session before its analysis."""
+        where = None if captured.path is None else str(captured.path)
+        entry = self.session.add_captured(captured.name, where, self._settings())
+        self._awaiting[captured.number] = entry.number
         return entry
 
-    def add_shot(self, shot: Shot) -> Entry | None:
-        """Store a shot analysed by the rig in its entry, or in a new one; return the entry.
+    def add_shot(self, shot: Shot, of: int | None = None) -> Entry | None:
+        """Store an analysed shot in the entry of the rig's shot number ``of``, or in a new one; return the entry.
 
         Returns None if the entry was removed in the meantime.
         """
-        where = None if shot.path is None else str(Path(shot.path))
-        number = self._captured.pop((shot.name, where), None)
+        number = None if of is None else self._awaiting.pop(of, None)
         if number is None:
             entry = self.session.add(replace(shot, path=shot.path or self.unsaved.path_of(shot.name)))
         elif self.session.entry(number) is None:
@@ -205,12 +204,14 @@ class Workbench:
             entry = self.session.fill(number, shot, note=shot.note)
         if not fit_pending(shot):
             self._store_or_refit(entry)
+        elif of is not None:
+            self._awaiting[of] = entry.number
         return entry
 
-    def take_fit(self, shot: Shot) -> Entry | None:
-        """Store the fit of a captured shot; return its entry, or None if no entry awaits this fit."""
-        awaiting = self.session.entry_awaiting_fit(shot)
-        if awaiting is None:
+    def take_fit(self, shot: Shot, of: int) -> Entry | None:
+        """Store the fit of the rig's shot number ``of``; return its entry, or None if no entry awaits this fit."""
+        awaiting = self.session.entry(self._awaiting.pop(of, 0))
+        if awaiting is None or awaiting.shot is None or not fit_pending(awaiting.shot):
             return None
         if shot.fit_problem == STOPPED:  # Abort stopped the fit; a background job repeats it
             self.model.refit_outdated(also=[awaiting])
@@ -226,10 +227,10 @@ class Workbench:
         else:
             self._keep(entry.shot)
 
-    def add_unanalysed(self, path: Path | None, problem: str, name: str) -> Entry | None:
+    def add_unanalysed(self, captured: CapturedShot) -> Entry | None:
         """Add a shot that the rig captured but could not analyse."""
-        words = f"{problem}: analyse it again (Ctrl+R)"
-        return self.add_shot(unanalysed(path, self._settings(), words, name))
+        words = f"{captured.problem or 'not analysed'}: analyse it again (Ctrl+R)"
+        return self.add_shot(unanalysed(captured.path, self._settings(), words, captured.name), captured.number)
 
     def diagnose(self, numbers: Sequence[int]) -> str | None:
         """Queue the joint diagnosis of these entries; return an error message, or None."""
@@ -277,7 +278,7 @@ class Workbench:
         return self._undo_or_redo(self.session.redo)
 
     def _undo_or_redo(self, step: Callable[[], str | None]) -> str | None:
-        there = {entry.number for entry in self.session.entries} | set(self._captured.values())
+        there = {entry.number for entry in self.session.entries} | set(self._awaiting.values())
         notes = {entry.number: entry.note for entry in self.session.entries}
         what = step()
         for entry in self.session.entries:

@@ -128,8 +128,7 @@ class MainWindow(QMainWindow):
         self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
         self.session_presenter.arrived.connect(plans.arrived)
         self.session_presenter.arrived.connect(self.rig_presenter.remember)
-        self.rig_presenter.shot_captured.connect(self.session_presenter.take_captured)
-        self.rig_presenter.shot_finished.connect(self.session_presenter.take)
+        self.rig_presenter.shot_came.connect(self.session_presenter.take)
         self.rig_presenter.save_elsewhere_wanted.connect(self._save_elsewhere)
         self.rig_presenter.appearance_chosen.connect(self.theme.choose)
         below = {"recent": self.files_presenter.recent}

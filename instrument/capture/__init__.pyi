@@ -1,7 +1,7 @@
 from .acquisition import CAN_ARM, Deadlines, State
 from .analysis_thread import STOPPED, ShotAnalysis, fit_here
 from .capture import AcquireError, Capture, acquire
-from .snapshot import KEPT_IN_MEMORY, FinishedShot, SignalLine, Snapshot, WaitingShot
+from .snapshot import KEPT_IN_MEMORY, CapturedShot, SignalLine, Snapshot
 from .stream_reader import CaptureOptions
 
 __all__ = [
@@ -11,13 +11,12 @@ __all__ = [
     "AcquireError",
     "Capture",
     "CaptureOptions",
+    "CapturedShot",
     "Deadlines",
-    "FinishedShot",
     "ShotAnalysis",
     "SignalLine",
     "Snapshot",
     "State",
-    "WaitingShot",
     "acquire",
     "fit_here",
 ]

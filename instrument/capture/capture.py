@@ -8,7 +8,7 @@ screen polls ``latest()`` for an immutable Snapshot; no thread calls into the sc
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from analysis.shot import Setup
 from instrument.capture.acquisition import CAN_ARM, Acquisition, Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture_thread import CaptureThread
-from instrument.capture.snapshot import FinishedShot, SignalLine, Snapshot
+from instrument.capture.snapshot import CapturedShot, SignalLine, Snapshot
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices import CaptureSettings, Digitizer
 from instrument.files import RecordingError, disk_free_bytes
@@ -37,7 +37,8 @@ class Capture:
 
     All methods may be called from any thread and return at once, except ``close`` and ``save_pending``.  Without
     ``analysis`` shots are only saved.  ``warm(given_up)`` returns once the kernels that a stream needs are compiled.
-    ``say`` gets one line for every fault (default: standard error).
+    ``say`` gets one line for every fault (default: standard error).  ``numbers`` gives the shots' numbers, from 1 by
+    default.
     """
 
     def __init__(
@@ -51,15 +52,16 @@ class Capture:
         deadlines: Deadlines | None = None,
         clock: Callable[[], float] = time.monotonic,
         say: Callable[[str], None] = _to_standard_error,
+        numbers: Iterator[int] | None = None,
     ) -> None:
         self._digitizer = digitizer
         self._clock = clock
         machine = Acquisition(clock, deadlines or Deadlines())
-        self._capture = capture = CaptureThread(digitizer, options, machine, analysis, warm, say)
-        self._orders, self._finished = capture.orders, capture.finished
+        self._capture = capture = CaptureThread(digitizer, options, machine, analysis, warm, say, numbers)
+        self._orders, self._shots = capture.orders, capture.captured
         self.digitizer_held = False  # after ``close``: a call of the digitizer has not returned
         self._live = LiveThread(lambda: capture.run.stream, lambda: capture.options.folder) if live else None
-        self._others = [part for part in [self._finished.analysis, self._live] if part is not None]
+        self._others = [part for part in [self._shots.analysis, self._live] if part is not None]
 
     def start(self) -> None:
         """Start all threads; the digitizer is first touched in the capture thread."""
@@ -99,7 +101,7 @@ class Capture:
 
         Raises RecordingError at the first that cannot be saved; it stays in memory.  Waits for the disk.
         """
-        return self._finished.save_pending(folder)
+        return self._shots.save_pending(folder)
 
     def latest(self) -> Snapshot:
         capture, live = self._capture, self._live
@@ -134,10 +136,9 @@ class Capture:
             live=live.view if live is not None else empty_view(),
             doing=doing,
             progress=progress,
-            waiting=self._finished.waiting,
-            shots=self._finished.taken,
-            finished=self._finished.newest,
-            unsaved=self._finished.unsaved,
+            shots=self._shots.taken,
+            captured=self._shots.shown,
+            unsaved=self._shots.unsaved,
         )
 
     def close(self, timeout_s: float = 30.0) -> bool:
@@ -174,7 +175,7 @@ class Capture:
             return "recording", shot.filled / shot.settings.samples
         if shot is not None and state is State.TRANSFERRING:
             return "saving", shot.written / max(1, shot.filled)  # a device may end at once
-        analysis = self._finished.analysis
+        analysis = self._shots.analysis
         doing = analysis.doing if analysis is not None else None
         return doing if doing is not None else (None, None)
 
@@ -247,11 +248,11 @@ def _rescued(capture: Capture) -> str:
     return f"{', '.join(left)} is lost: there is no room in the home folder or the temporary one either"
 
 
-def _wait(capture: Capture, index: int, timeout_s: float, faults: list[str]) -> FinishedShot:
+def _wait(capture: Capture, number: int, timeout_s: float, faults: list[str]) -> CapturedShot:
     while True:
         now = capture.latest()
         for shot in now.finished:
-            if shot.index >= index and shot.path is not None and now.state is State.IDLE:
+            if shot.number >= number and shot.path is not None and now.state is State.IDLE:
                 return shot
         if now.state is State.FAULT:
             raise AcquireError(faults[-1] if faults else now.message, [])

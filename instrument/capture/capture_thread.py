@@ -2,8 +2,9 @@
 
 import queue
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from analysis.fitted import fit_pending
 from analysis.shot import Gap
 from instrument.capture.acquisition import Acquisition, Action, Event, State
 from instrument.capture.analysis_thread import ShotAnalysis
-from instrument.capture.finished_shots import ABORTED, FinishedShots
+from instrument.capture.captured_shots import ABORTED, CapturedShots
 from instrument.capture.recorder import GrowingShot, Recorded, Recorder
 from instrument.capture.snapshot import KEPT_IN_MEMORY
 from instrument.capture.stream_reader import CaptureOptions, ReadBlock, StreamReader, check_settings
@@ -36,11 +37,12 @@ class CaptureThread:
         analysis: ShotAnalysis | None,
         warm: Callable[[Callable[[], bool]], None],
         say: Callable[[str], None],
+        numbers: Iterator[int] | None = None,
     ) -> None:
         orders: queue.SimpleQueue[tuple[str, Any]] = queue.SimpleQueue()
         self.orders = orders  # callbacks hold the queue, not self: a reference cycle would keep the ring in memory
         self.recorder = Recorder(lambda recorded: orders.put(("recorded", recorded)))
-        self.finished = FinishedShots(analysis, lambda *made: orders.put(("analysed", made)))
+        self.captured = CapturedShots(analysis, lambda *made: orders.put(("analysed", made)), numbers or count(1))
         self.machine = machine
         self.run = StreamReader(digitizer, machine.clock)
         self.options = options
@@ -118,7 +120,7 @@ class CaptureThread:
 
     def _look_for_progress(self) -> None:
         """Restart the deadline after progress in receiving, writing or analysing a shot."""
-        shot, analysis = self.shot, self.finished.analysis
+        shot, analysis = self.shot, self.captured.analysis
         now = getattr(shot, "filled", None), getattr(shot, "written", None), getattr(analysis, "steps", None)
         if now != self._progress:
             self._progress = now
@@ -152,7 +154,7 @@ class CaptureThread:
             self._recorded(what)
         elif kind == "analysed":
             number, shot, problem = what
-            self.finished.analysed(number, shot, problem)
+            self.captured.analysed(number, shot, problem)
             if number == self._awaited and not (shot is not None and fit_pending(shot)):
                 self._do(self.machine.handle(Event.ANALYSED))
 
@@ -170,13 +172,13 @@ class CaptureThread:
         elif action is Action.STOP:
             self._stop_unless_wanted()
         elif action is Action.CANCEL:
-            assert self.finished.analysis is not None  # it is what is being done
-            self.finished.analysis.cancel()
+            assert self.captured.analysis is not None  # it is what is being done
+            self.captured.analysis.cancel()
 
     def _start(self) -> None:
         self._fire = False
-        if len(self.finished.unsaved) >= MAX_UNSAVED:
-            raise DigitizerError(f"{len(self.finished.unsaved)} shots are only in memory", "save them first")
+        if len(self.captured.unsaved) >= MAX_UNSAVED:
+            raise DigitizerError(f"{len(self.captured.unsaved)} shots are only in memory", "save them first")
         settings = self.options.settings or usual_settings(self._digitizer)
         check_settings(settings, len(self._digitizer.capabilities.channels))
         if not self.run.continues(settings, self.options):
@@ -301,7 +303,7 @@ class CaptureThread:
             self.shot.finish(reason)
 
     def _recorded(self, recorded: Recorded) -> None:
-        number = self.finished.recorded(recorded)
+        number = self.captured.recorded(recorded)
         awaited = recorded.shot is self.shot
         if awaited:
             self.shot = None

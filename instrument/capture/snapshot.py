@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from analysis.fitted import fit_pending
 from analysis.shot import Shot
 from instrument.capture.acquisition import State
 from instrument.devices import CaptureSettings
@@ -29,28 +30,25 @@ class SignalLine:
 
 
 @dataclass(frozen=True, slots=True)
-class FinishedShot:
-    """One captured shot and the settings it was taken with; ``shot`` is None if it was not analysed.
+class CapturedShot:
+    """One captured shot and the settings it was taken with: waiting for its analysis, then with its readings or fit.
 
-    A shot may first appear with its readings and later, under the same index, with its fit.
+    ``shot`` is None while it waits, and afterwards if it was not analysed.
     """
 
-    index: int  # counts finished shots from 1
+    number: int  # counts captures from 1, those of one rig over all its sources
     name: str
     path: Path | None  # of the .sigmf-meta; None while it is only in memory
     settings: CaptureSettings
-    shot: Shot | None
+    shot: Shot | None = None
     problem: str | None = None  # why it was not saved or not analysed
-    fitted_later: bool = False  # True: this completes a shot reported earlier without its fit
+    waits: bool = False  # for its analysis
+    fitted_later: bool = False  # True: this completes a shot that the rig reported earlier without its fit
 
-
-@dataclass(frozen=True, slots=True)
-class WaitingShot:
-    """A captured shot that is not analysed yet; ``number`` counts captures from 1."""
-
-    number: int
-    name: str
-    path: Path | None  # of the .sigmf-meta; None where it is only in memory
+    @property
+    def awaits_fit(self) -> bool:
+        """Get whether the shot has its readings but not its fit yet."""
+        return self.shot is not None and fit_pending(self.shot)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +64,16 @@ class Snapshot:
     live: LiveView
     doing: str | None = None  # the step in progress
     progress: float | None = None  # of that step, 0 to 1
-    waiting: tuple[WaitingShot, ...] = ()  # shots captured and not analysed yet, oldest first
     shots: int = 0  # captured since the start
-    finished: tuple[FinishedShot, ...] = ()  # the newest ones, by rising index
+    captured: tuple[CapturedShot, ...] = ()  # all that wait for their analysis, and the newest others
     unsaved: tuple[str, ...] = field(default=())  # names of shots that are only in memory: save_pending
+
+    @property
+    def waiting(self) -> tuple[CapturedShot, ...]:
+        """Get the shots captured and not analysed yet, oldest first."""
+        return tuple(shot for shot in self.captured if shot.waits)
+
+    @property
+    def finished(self) -> tuple[CapturedShot, ...]:
+        """Get the newest shots that wait for no analysis, the one with the latest news last."""
+        return tuple(shot for shot in self.captured if not shot.waits)

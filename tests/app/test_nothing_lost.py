@@ -35,7 +35,7 @@ from app.window.widgets import Sheet
 from app.words.wording import DASH, localised_number, typed_number
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis
-from instrument.capture.snapshot import FinishedShot, WaitingShot
+from instrument.capture.snapshot import CapturedShot
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings, Digitizer, DigitizerError
 from instrument.files.recording_file import open_recording
@@ -122,11 +122,15 @@ def _recording(folder: Path, name: str = "shot-0001") -> Path:
     return write_recording(Recording(name, counts, 1e6, CHANNELS, Setup(17.85e-3)), folder / name)
 
 
+def _stopped(meta: Path) -> CapturedShot:
+    return CapturedShot(1, "shot-0001", meta, CaptureSettings(1e6, 64, 0), problem="stopped")
+
+
 def test_a_note_reaches_the_recording(qtbot: QtBot, tmp_path: Path) -> None:
     meta = _recording(tmp_path)
     workbench = Workbench(Session(), AnalysisSettings)
     try:
-        entry = workbench.add_unanalysed(meta, "stopped", "shot-0001")
+        entry = workbench.add_unanalysed(_stopped(meta))
         workbench.set_note(entry.number, "the block wobbled")
         qtbot.waitUntil(lambda: open_recording(meta).note == "the block wobbled", timeout=WAIT_MS)
         assert workbench.poll() == []
@@ -139,7 +143,7 @@ def test_a_note_does_not_wait_for_long_work(qtbot: QtBot, tmp_path: Path) -> Non
     meta, workbench, ended = _recording(tmp_path), Workbench(Session(), AnalysisSettings), threading.Event()
     try:
         workbench.jobs.submit("a long diagnosis", lambda _, __: ended.wait(10 * WAIT_MS / 1e3), "diagnosis")
-        entry = workbench.add_unanalysed(meta, "stopped", "shot-0001")
+        entry = workbench.add_unanalysed(_stopped(meta))
         workbench.set_note(entry.number, "the block wobbled")
         qtbot.waitUntil(lambda: open_recording(meta).note == "the block wobbled", timeout=WAIT_MS)
     finally:
@@ -170,7 +174,7 @@ def test_a_shot_whose_analysis_was_stopped_is_listed_and_analysed_in_its_place(
 ) -> None:
     workbench, _, presenter = away
     meta = _recording(tmp_path)
-    stopped = FinishedShot(1, "shot-0001", meta, CaptureSettings(1e6, 64, 0), None, "the analysis was stopped")
+    stopped = CapturedShot(1, "shot-0001", meta, CaptureSettings(1e6, 64, 0), None, "the analysis was stopped")
     presenter.take(stopped, stay=False)
     (entry,) = workbench.session.entries
     assert entry.path == str(meta) and entry.shot is not None and "Ctrl+R" in (entry.shot.problem or "")
@@ -197,9 +201,9 @@ def _as_from_another_process(shot: Shot) -> Shot:
     return replace(shot, motion=replace(shot.motion, **arrays))
 
 
-def _finished(shot: Shot, fitted_later: bool = False) -> FinishedShot:
+def _finished(shot: Shot, fitted_later: bool = False) -> CapturedShot:
     settings = CaptureSettings(1e6, 64, 0)
-    return FinishedShot(1, shot.name, Path(shot.path or ""), settings, shot, fitted_later=fitted_later)
+    return CapturedShot(1, shot.name, Path(shot.path or ""), settings, shot, fitted_later=fitted_later)
 
 
 def test_a_shot_whose_fit_is_to_follow_is_listed_at_once_and_takes_it_in_its_place(away: Away, read_shot: Shot) -> None:
@@ -232,10 +236,10 @@ def test_a_shot_whose_readings_and_fit_come_between_two_looks_of_the_screen_is_l
 
     rig = Rig(lambda *_: CaptureOptions(Path()), AnalysisSettings, lambda *_: None, open_digitizer=nothing_opens)
     try:
-        presenter.take_captured(WaitingShot(1, read_shot.name, Path(read_shot.path or "")))
-        seen = replace(rig.latest(), finished=(_finished(fitted(read_shot), fitted_later=True),))
-        for finished in (*rig.take_finished(seen), *rig.take_finished(seen)):
-            presenter.take(finished, stay=True)
+        fit = _finished(fitted(read_shot), fitted_later=True)
+        for captured in (replace(fit, shot=None, waits=True), fit, fit):
+            for news in rig.take_shots(replace(rig.latest(), captured=(captured,))):
+                presenter.take(news, stay=True)
     finally:
         rig.close()
     (entry,) = workbench.session.entries
@@ -257,7 +261,7 @@ def test_a_shot_its_fit_and_what_was_not_analysed_are_announced_once_each(
     assert announced[1].shot.fit is whole.fit
     presenter.take(_finished(whole, fitted_later=True), stay=True)  # it waits no longer
     assert len(announced) == 2
-    stopped = FinishedShot(2, "b", _recording(tmp_path, "b"), CaptureSettings(1e6, 64, 0), None, "it was stopped")
+    stopped = CapturedShot(2, "b", _recording(tmp_path, "b"), CaptureSettings(1e6, 64, 0), None, "it was stopped")
     presenter.take(stopped, stay=True)
     assert [entry.name for entry in announced[2:]] == ["b"]
 
@@ -386,8 +390,10 @@ def test_a_shot_is_listed_when_it_is_captured_and_survives_a_kill_before_its_ana
 ) -> None:
     workbench, panels, presenter = away
     metas = [_recording(tmp_path, f"shot-000{number}") for number in (1, 2, 3)]
+    settings = CaptureSettings(1e6, 64, 0)
     for number, meta in enumerate(metas, 1):
-        presenter.take_captured(WaitingShot(number, meta.name.removesuffix(".sigmf-meta"), meta))
+        waits = CapturedShot(number, meta.name.removesuffix(".sigmf-meta"), meta, settings, waits=True)
+        presenter.take(waits, stay=True)
     assert [entry.path for entry in workbench.session.entries] == list(map(str, metas))
     model = panels.table.model
     assert str(model.data(model.index(1, VERDICT))) == "waiting for analysis"
@@ -396,15 +402,14 @@ def test_a_shot_is_listed_when_it_is_captured_and_survives_a_kill_before_its_ana
 
     workbench.set_note(2, "wobbled")
     shot = replace(synthetic.shot("shot-0002"), path=str(metas[1]))
-    settings = CaptureSettings(1e6, 64, 0)
-    presenter.take(FinishedShot(1, "shot-0002", metas[1], settings, shot), stay=True)
+    presenter.take(CapturedShot(2, "shot-0002", metas[1], settings, shot), stay=True)
     assert [entry.number for entry in workbench.session.entries] == [1, 2, 3]
     entry = workbench.session.entry(2)
     assert entry is not None and entry.shot is not None and entry.note == "wobbled"
 
     workbench.session.remove([3])  # it does not come back by itself, but by an undo, and is analysed then
     last = replace(synthetic.shot("shot-0003"), path=str(metas[2]))
-    presenter.take(FinishedShot(2, "shot-0003", metas[2], settings, last), stay=True)
+    presenter.take(CapturedShot(3, "shot-0003", metas[2], settings, last), stay=True)
     assert [entry.number for entry in workbench.session.entries] == [1, 2]
     workbench.undo()
 
@@ -418,10 +423,10 @@ def test_a_shot_is_listed_when_it_is_captured_and_survives_a_kill_before_its_ana
 
 def test_a_shot_saved_elsewhere_before_its_analysis_keeps_its_place(tmp_path: Path, away: Away) -> None:
     workbench, _, presenter = away
-    presenter.take_captured(WaitingShot(1, "shot-0001", None))
+    waits = CapturedShot(1, "shot-0001", None, CaptureSettings(1e6, 64, 0), waits=True)
+    presenter.take(waits, stay=True)
     assert workbench.session.set_path("shot-0001", str(tmp_path / "a.sigmf-meta"))
-    finished = FinishedShot(1, "shot-0001", None, CaptureSettings(1e6, 64, 0), synthetic.shot("shot-0001"))
-    presenter.take(finished, stay=True)
+    presenter.take(replace(waits, shot=synthetic.shot("shot-0001"), waits=False), stay=True)
     (entry,) = workbench.session.entries
     assert entry.path == str(tmp_path / "a.sigmf-meta") and entry.shot is not None and entry.shot.path == entry.path
 

@@ -2,6 +2,7 @@
 
 import threading
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +13,7 @@ import pytest
 from analysis.shot.shot import AnalysisSettings
 from app.session.rig import Rig, _OpenSource
 from instrument.capture.acquisition import State
-from instrument.capture.snapshot import FinishedShot, SignalLine, Snapshot, WaitingShot
+from instrument.capture.snapshot import CapturedShot, SignalLine, Snapshot
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.live.live_view import empty_view
 from tests.app import synthetic
@@ -149,26 +150,17 @@ def test_arm_and_abort_are_offered_by_state(rig, state: State, arms: bool, abort
     assert (rig.can_arm(told), rig.can_abort(told)) == (arms, aborts)
 
 
-def test_a_captured_shot_is_handed_over_once_and_again_from_another_source(rig) -> None:
-    capture = _runs(rig)
-    waiting = (WaitingShot(1, "one", None), WaitingShot(2, "two", None))
-    told = replace(capture.latest(), waiting=waiting[:1])
-    assert rig.take_captured(told) == [waiting[0]] and rig.take_captured(told) == []
-    assert rig.take_captured(replace(told, waiting=waiting)) == [waiting[1]]
-    rig._serial += 1
-    assert rig.take_captured(replace(told, waiting=waiting)) == list(waiting)
-
-
-def test_a_finished_shot_is_handed_over_when_it_is_read_and_again_with_its_fit(rig) -> None:
+def test_a_shot_is_handed_over_when_it_is_captured_read_and_fitted(rig) -> None:
     whole = synthetic.shot()
     first = replace(whole, fit=None, flags=("fit_to_follow",))
     told = _runs(rig).latest()
 
-    def taken(index: int, shot: Any = None, problem: str | None = None) -> list[FinishedShot]:
-        finished = FinishedShot(index, "one", None, CaptureSettings(1e6, 10, 0), shot, problem)
-        return rig.take_finished(replace(told, finished=(finished,)))
+    def taken(number: int, shot: Any = None, **more: Any) -> list[CapturedShot]:
+        captured = CapturedShot(number, "one", None, CaptureSettings(1e6, 10, 0), shot, **more)
+        return rig.take_shots(replace(told, captured=(captured,)))
 
-    assert taken(1) == []  # neither a shot nor a problem yet
+    (waits,) = taken(1, waits=True)
+    assert waits.waits and not waits.fitted_later and taken(1, waits=True) == []
     (one,) = taken(1, shot=first)
     assert one.shot is first and not one.fitted_later and taken(1, shot=first) == []
     (again,) = taken(1, shot=whole)
@@ -204,9 +196,10 @@ def test_a_source_that_does_not_let_go_is_said(rig, ends: bool, held: bool, said
 class Opened(Capture):
     """A capture of a source that opens at once."""
 
-    def __init__(self, digitizer: Any, options: Any, **_: Any) -> None:
+    def __init__(self, digitizer: Any, options: Any, *, numbers: Iterator[int], **_: Any) -> None:
         super().__init__()
         self.told.append(("options", options.name))
+        self.numbers = numbers
 
     def start(self) -> None:
         self.told.append(("start", None))
@@ -229,7 +222,9 @@ def test_a_planned_shot_arms_its_own_source_with_its_options_once(monkeypatch) -
     may_open.set()
     _until(lambda: rig.opened == "planned" and rig._running.capture.told[-1] == ("arm", False))
     assert rig._running.capture.told[0] == ("options", "planned")
+    first = next(rig._running.capture.numbers)
     rig.open("next")
     _until(lambda: rig.opened == "next")
     assert rig._running.capture.told == [("options", "set"), ("start", None)]
+    assert next(rig._running.capture.numbers) == first + 1  # no two shots of one rig have the same number
     assert rig.close()

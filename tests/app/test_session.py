@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.fitted.fitted_shot import with_fit_pending
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.session_files import own_session
@@ -144,10 +143,8 @@ def test_a_note_written_before_the_analysis_came_is_kept_and_else_that_of_the_re
 
 def test_of_two_shots_of_one_name_the_newest_is_meant(tmp_path):
     session = Session()
-    shot = with_fit_pending(replace(synthetic.shot("a"), fit=None))
     for _ in range(2):
-        session.add(shot)
-    assert session.entry_awaiting_fit(synthetic.shot("a")).number == 2
+        session.add(synthetic.shot("a"))
     assert session.set_path("a", str(tmp_path / "a.csv"))
     assert [entry.path for entry in session.entries] == [None, str(tmp_path / "a.csv")]
     assert session.entries[1].shot.path == str(tmp_path / "a.csv")

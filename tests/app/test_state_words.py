@@ -12,9 +12,12 @@ from app.session.session import Entry
 from app.window import state_words
 from app.window.theme import Tone
 from instrument.capture.acquisition import State
-from instrument.capture.snapshot import KEPT_IN_MEMORY, SignalLine, Snapshot, WaitingShot
+from instrument.capture.snapshot import KEPT_IN_MEMORY, CapturedShot, SignalLine, Snapshot
+from instrument.devices.digitizer import CaptureSettings
 from instrument.live.live_view import ChannelSignal, empty_view
 from tests.app import synthetic
+
+SETTINGS = CaptureSettings(1e6, 64, 0)
 
 
 def _snapshot(state: State, **more) -> Snapshot:
@@ -91,7 +94,9 @@ def test_a_shot_that_is_only_in_memory_is_not_called_saved():
 @pytest.mark.parametrize(("count", "words"), [(0, ""), (1, "1 more shot waits for"), (12, "12 more shots wait for")])
 def test_shots_that_wait_for_their_analysis_are_told(count, words):
     last = state_words.LastShot("shot-0013", "Shot 13 is saved.", "")
-    _, sentence, _ = state_words.banner(_snapshot(State.IDLE, waiting=(WaitingShot(1, "a", None),) * count), last)
+    _, sentence, _ = state_words.banner(
+        _snapshot(State.IDLE, captured=(CapturedShot(1, "a", None, SETTINGS, waits=True),) * count), last
+    )
     assert words in sentence and ("wait" in sentence) == (count > 0)
 
 
@@ -178,7 +183,7 @@ def test_the_noise_floor_is_that_of_white_phase_noise_differentiated(bandwidth_h
 
 
 def test_how_many_shots_wait_is_told_except_the_one_under_way():
-    waiting = tuple(WaitingShot(n, f"s{n}", None) for n in range(3))
+    waiting = tuple(CapturedShot(n, f"s{n}", None, SETTINGS, waits=True) for n in range(3))
     for state, count, words in (
         (State.IDLE, 1, " 1 more shot waits for analysis."),
         (State.ARMED, 2, " 2 more shots wait for analysis."),
@@ -186,7 +191,7 @@ def test_how_many_shots_wait_is_told_except_the_one_under_way():
         (State.ANALYSING, 1, "now."),
         (State.TRIGGERED, 3, "shot."),
     ):
-        _, sentence, _ = state_words.banner(_snapshot(state, waiting=waiting[:count]), None)
+        _, sentence, _ = state_words.banner(_snapshot(state, captured=waiting[:count]), None)
         assert sentence.endswith(words)
     assert "Re-arms automatically" in state_words.banner(_snapshot(State.ARMED, automatic=True), None)[1]
     assert "Re-arms automatically" not in state_words.banner(_snapshot(State.ARMED), None)[1]

@@ -244,5 +244,5 @@ def clocks(folder: Path, random_: random.Random) -> Iterator[Attempt]:
         yield "set back and forth", attempt
 
 
-def _taken(now: Snapshot, index: int) -> bool:
-    return any(shot.index > index and shot.path is not None for shot in now.finished)
+def _taken(now: Snapshot, number: int) -> bool:
+    return any(shot.number > number and shot.path is not None for shot in now.finished)

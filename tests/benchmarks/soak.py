@@ -98,10 +98,10 @@ def soak(
                 now = capture.latest()
                 if now.state is State.FAULT:
                     raise SystemExit(f"fault after {settled} shots: {now.message}; {list(problems)}")
-                for shot in (new for new in now.finished if new.index > settled):
-                    if shot.index != settled + 1:
-                        raise SystemExit(f"shots {settled + 1} to {shot.index - 1} were passed over")
-                    settled = shot.index
+                for shot in sorted((new for new in now.finished if new.number > settled), key=lambda shot: shot.number):
+                    if shot.number != settled + 1:
+                        raise SystemExit(f"shots {settled + 1} to {shot.number - 1} were passed over")
+                    settled = shot.number
                     if shot.problem or shot.shot is None or shot.shot.motion is None:
                         problems.append(f"{shot.name}: {shot.problem or (shot.shot and shot.shot.problem)}")
                 if now.state in (State.IDLE, State.ANALYSING) and now.shots == asked and len(now.waiting) < 4:

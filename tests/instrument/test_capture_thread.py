@@ -341,7 +341,7 @@ def test_a_shot_and_a_reserve_must_fit_the_disk(
 
 @pytest.mark.parametrize(("unsaved", "refused"), [(3, False), (4, True)])
 def test_no_shot_is_taken_while_four_are_only_in_memory(stepped: Stepped, unsaved: int, refused: bool) -> None:
-    stepped.thread.finished._unsaved.update({str(n): None for n in range(unsaved)})  # type: ignore[misc]
+    stepped.thread.captured._unsaved.update({str(n): None for n in range(unsaved)})  # type: ignore[misc]
     stepped.take("arm", False)
     assert (stepped.state is State.FAULT) == refused
     if refused:
@@ -356,7 +356,7 @@ def test_a_shot_that_could_not_be_saved_is_a_fault_and_is_kept(stepped: Stepped)
     stepped.turn(lambda: stepped.state is State.TRANSFERRING)
     stepped.saved("the disk is full")
     assert stepped.state is State.FAULT and stepped.machine.status.message == "the disk is full"
-    assert stepped.thread.finished.unsaved == ("shot-0001",) and stepped.thread.shot is None
+    assert stepped.thread.captured.unsaved == ("shot-0001",) and stepped.thread.shot is None
     assert not stepped.digitizer.running.is_set()  # a fault stops the stream
 
 
@@ -456,7 +456,7 @@ def _parted(tmp_path: Path, hangs: str = "") -> tuple[Capture, list[Any]]:
     thread.thread = SimpleNamespace(  # type: ignore[assignment]
         start=lambda: did.append("thread"), is_alive=lambda: alive[0], join=join
     )
-    parts = {"recorder": thread.recorder, "analysis": capture._finished.analysis, "live": capture._live}
+    parts = {"recorder": thread.recorder, "analysis": capture._shots.analysis, "live": capture._live}
     for name, part in parts.items():
         part.start = lambda name=name: did.append(name)  # type: ignore[union-attr, misc, method-assign]
         part.close = lambda s, name=name: did.append((name, s)) or name != hangs  # type: ignore[union-attr, misc, method-assign]

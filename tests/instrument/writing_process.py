@@ -23,8 +23,8 @@ def main(folder: Path) -> None:
     while True:
         now = capture.latest()
         for shot in now.finished:
-            if shot.index > said:
-                said = shot.index
+            if shot.number > said:
+                said = shot.number
                 print(json.dumps(str(shot.path)), flush=True)
         length_s = 0.1 + (said % 100) * 1e-3
         save(folder / "settings.json", Settings(duration_s=length_s))

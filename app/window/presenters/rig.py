@@ -22,10 +22,9 @@ RECORDINGS = "Recordings (*.sigmf-meta *.sigmf-data *.csv *.toml);;All files (*)
 
 
 class RigPresenter(QObject):
-    """Connects the rig with its panels; emits each WaitingShot and each FinishedShot."""
+    """Connects the rig with its panels; emits each CapturedShot with its news."""
 
-    shot_captured = Signal(object)
-    shot_finished = Signal(object, bool)  # whether the rig re-arms
+    shot_came = Signal(object, bool)  # whether the rig re-arms
     said = Signal(str, Tone)
     appearance_chosen = Signal(str)
     save_elsewhere_wanted = Signal(object)  # the folder, as a Path
@@ -69,7 +68,7 @@ class RigPresenter(QObject):
             self._live_shown = snapshot.live
             p.live.show_live(snapshot.live)
             self._show_raw(snapshot)
-        self._take_finished(snapshot)
+        self._take_shots(snapshot)
         self._signal_trigger(snapshot)
         return snapshot
 
@@ -93,11 +92,9 @@ class RigPresenter(QObject):
             if self._store.settings.flash:
                 self._panels.banner.flash()
 
-    def _take_finished(self, snapshot: Snapshot) -> None:
-        for captured in self._rig.take_captured(snapshot):
-            self.shot_captured.emit(captured)
-        for finished in self._rig.take_finished(snapshot):
-            self.shot_finished.emit(finished, self._rig.rearm)
+    def _take_shots(self, snapshot: Snapshot) -> None:
+        for captured in self._rig.take_shots(snapshot):
+            self.shot_came.emit(captured, self._rig.rearm)
         for problem in self._rig.take_problems():
             self.said.emit(problem, Tone.BAD)
 

@@ -15,7 +15,7 @@ from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
 from app.window.theme import Tone
 from app.words import counted
-from instrument.capture import FinishedShot, WaitingShot
+from instrument.capture import CapturedShot
 from instrument.files import FORMATS, format_of, is_foreign
 
 ENDINGS = (".sigmf-meta", ".sigmf-data", ".csv", ".toml", *FORMATS)
@@ -118,27 +118,26 @@ class SessionPresenter(QObject):
                 words = f"{entry.name}: PD0 and PD1 are swapped"
                 self._panels.work.notices.offer(words, "Swap them", partial(self.swap_wanted.emit, path, number))
 
-    def take_captured(self, captured: WaitingShot) -> None:
-        """Add a captured shot to the session before its analysis."""
-        self._workbench.add_captured(captured.name, captured.path)
-        self._show_table()
-
-    def take(self, finished: FinishedShot, stay: bool) -> None:
-        """Add a finished shot of the rig, or its fit; ``stay``: do not change the page."""
-        shot = finished.shot
-        if shot is not None and finished.fitted_later:
-            entry = self._workbench.take_fit(shot)
+    def take(self, captured: CapturedShot, stay: bool) -> None:
+        """Add a shot of the rig before its analysis, its readings, or its fit; ``stay``: do not change the page."""
+        shot = captured.shot
+        if captured.waits:
+            self._workbench.add_captured(captured)
+            self._show_table()
+            return
+        if shot is not None and captured.fitted_later:
+            entry = self._workbench.take_fit(shot, captured.number)
             if entry is not None:
                 self._show_event(Event(EventKind.CHANGED, "", (entry.number,)))
                 self.arrived.emit(entry)
             return
         if shot is None:
-            entry = self._workbench.add_unanalysed(finished.path, finished.problem or "not analysed", finished.name)
+            entry = self._workbench.add_unanalysed(captured)
         else:
-            entry = self._workbench.add_shot(shot)
+            entry = self._workbench.add_shot(shot, captured.number)
         self._show_table()
-        if finished.problem:
-            self.said.emit(f"{finished.name}: {finished.problem}", Tone.BAD)
+        if captured.problem:
+            self.said.emit(f"{captured.name}: {captured.problem}", Tone.BAD)
         if entry is None:  # the entry was removed before its analysis ended
             return
         self.arrived.emit(entry)

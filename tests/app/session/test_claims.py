@@ -10,6 +10,7 @@ import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Candidate
+from analysis.fitted.fitted_shot import with_fit_pending
 from analysis.shot.shot import AnalysisSettings, Cancelled
 from app.report.exports import motion_file_names
 from app.session import candidate_residuals as remainders
@@ -173,15 +174,25 @@ def test_a_fit_that_was_stopped_is_made_as_a_job_and_another_one_is_taken(tmp_pa
     monkeypatch.setattr(bench.model, "refit_outdated", lambda also=(): told.append([entry.number for entry in also]))
     monkeypatch.setattr(bench.model, "needs_refit", lambda entry: False)
     shot = synthetic.shot("a", count=9000)
-    waiting = replace(shot, fit=None, fit_problem=None, path=str(tmp_path / "a.x"))
-    monkeypatch.setattr(bench.session, "entry_awaiting_fit", lambda _: bench.session.entry(1))
-    bench.session.add(waiting)
-    assert bench.take_fit(replace(waiting, fit_problem=workbench.STOPPED)).number == 1
-    assert told == [[1]] and bench.session.entry(1).shot.fit is None
-    assert bench.take_fit(replace(shot, path=None)).shot.fit is not None
-    assert bench.session.entry(1).shot.path == str(tmp_path / "a.x") and told == [[1]]
-    monkeypatch.setattr(bench.session, "entry_awaiting_fit", lambda _: None)
-    assert bench.take_fit(shot) is None
+    waiting = with_fit_pending(replace(shot, fit=None, fit_problem=None, path=str(tmp_path / "a.x")))
+    assert [bench.add_shot(waiting, of).number for of in (7, 8)] == [1, 2]
+    assert bench.take_fit(replace(waiting, fit_problem=workbench.STOPPED), 8).number == 2
+    assert told == [[2]] and bench.session.entry(2).shot.fit is None
+    assert bench.take_fit(replace(shot, path=None), 7).number == 1  # of two shots of one name it is the right one
+    assert bench.session.entry(1).shot.fit is not None and bench.session.entry(2).shot.fit is None
+    assert bench.session.entry(1).shot.path == str(tmp_path / "a.x") and told == [[2]]
+    assert bench.take_fit(shot, 7) is None and bench.take_fit(shot, 9) is None
+    bench.close()
+
+
+def test_a_fit_that_comes_after_the_session_was_changed_is_for_nobody(tmp_path):
+    bench = Workbench(Session(tmp_path / "one.json"), AnalysisSettings)
+    shot = synthetic.shot("a", count=9000)
+    bench.add_shot(with_fit_pending(replace(shot, fit=None, path=str(tmp_path / "a.x"))), 7)
+    other = Session(tmp_path / "two.json")
+    other.add(with_fit_pending(replace(shot, fit=None, path=str(tmp_path / "b.x"))))  # has the same number
+    bench._switch_to(other)
+    assert bench.take_fit(shot, 7) is None and bench.session.entry(1).shot.fit is None
     bench.close()
 
 

@@ -22,6 +22,8 @@ from app.session.model_in_use import OwnLaws, drift_words, load_model
 from app.session.session import Session
 from app.session.verdict_basis import Diagnosed, Diagnoses, ModelEffects
 from app.session.workbench import Workbench
+from instrument.capture.snapshot import CapturedShot
+from instrument.devices.digitizer import CaptureSettings
 from instrument.files.recording_error import RecordingError, SomeShotsNotSaved
 from tests.app import synthetic
 from tests.app.window.scene import check
@@ -29,6 +31,10 @@ from tests.app.window.scene import check
 KEPT = Path(__file__).parent / "written"
 DRAG, TILT = effects_named(("quadratic_drag", "tilt"))
 LONGEST_S = 180.0
+
+
+def _captured(number: int, name: str, path: Path | None) -> CapturedShot:
+    return CapturedShot(number, name, path, CaptureSettings(1e6, 64, 0))
 
 
 class Bench:
@@ -290,14 +296,16 @@ def test_recordings_are_opened_analysed_again_and_filled_in(bench, monkeypatch, 
     assert one.workbench.reanalyse([1, 2, 7]) == 2
     parts["analysed again: a copy of one, the other itself"] = [*one.said(), *one.listed]
     parts["asked for"] = list(map(str, asked))
-    entry = one.workbench.add_captured("shot-9", tmp_path / "shot-9.sigmf-meta")
+    entry = one.workbench.add_captured(_captured(1, "shot-9", tmp_path / "shot-9.sigmf-meta"))
     taken = replace(first, name="shot-9", path=str(tmp_path / "shot-9.sigmf-meta"))
-    assert one.workbench.add_shot(taken).number == entry.number
-    assert one.workbench.add_shot(taken).number == entry.number + 1  # taken once: another capture of that name
-    gone = one.workbench.add_captured("shot-10", None)
+    assert one.workbench.add_shot(taken, 1).number == entry.number
+    assert one.workbench.add_shot(taken, 2).number == entry.number + 1  # another capture of that name
+    gone = one.workbench.add_captured(_captured(3, "shot-10", None))
     one.workbench.session.remove([gone.number])
-    assert one.workbench.add_shot(replace(first, name="shot-10", path=None)) is None
-    late = one.workbench.add_unanalysed(tmp_path / "c.sigmf-meta", "the analysis was stopped", "")
+    assert one.workbench.add_shot(replace(first, name="shot-10", path=None), 3) is None
+    late = one.workbench.add_unanalysed(
+        replace(_captured(4, "", tmp_path / "c.sigmf-meta"), problem="the analysis was stopped")
+    )
     assert late.shot.problem == "the analysis was stopped: analyse it again (Ctrl+R)" and late.name == "c"
     parts["captured"] = [*one.said(), *one.listed]
     check("opened", parts, KEPT)

@@ -18,7 +18,7 @@ from app.window.presenters.files import _agreement
 from app.window.presenters.session import is_unmapped
 from app.window.theme import Tone
 from instrument.capture.acquisition import State
-from instrument.capture.snapshot import FinishedShot, WaitingShot
+from instrument.capture.snapshot import CapturedShot
 from instrument.devices.device_search import FoundDevice
 from instrument.live.live_view import empty_view
 from tests.app import synthetic
@@ -84,12 +84,13 @@ def test_a_shot_of_the_rig_is_listed_at_once_and_comes_to_the_front_from_live(wi
     presenter.arrived.connect(lambda entry: arrived.append(entry.number))
     show(window, Layout.LIVE, FIRST)
     shot = replace(synthetic.shot("run-5"), path="/data/run-5.sigmf-meta")
-    presenter.take_captured(WaitingShot(1, "run-5", Path("/data/run-5.sigmf-meta")))
+    waits = CapturedShot(1, "run-5", Path("/data/run-5.sigmf-meta"), None, waits=True)
+    presenter.take(waits, stay=False)
     assert [entry.number for entry in session.entries][-1] == 5 and session.entry(5).shot is None
-    done = FinishedShot(1, "run-5", Path("/data/run-5.sigmf-meta"), None, shot)
+    done = replace(waits, shot=shot, waits=False)
     presenter.take(done, stay=True)
     assert panels.table.numbers == [5] and panels.tabs.currentIndex() == Layout.LIVE and arrived == [5]
-    again = FinishedShot(2, "run-6", None, None, replace(shot, name="run-6", path=None), "the disk is full")
+    again = CapturedShot(2, "run-6", None, None, replace(shot, name="run-6", path=None), "the disk is full")
     presenter.take(again, stay=False)
     assert panels.table.numbers == [6] and panels.tabs.currentIndex() == Layout.SHOT
     assert _said(window) == ["bad: run-6: the disk is full"]
@@ -97,7 +98,7 @@ def test_a_shot_of_the_rig_is_listed_at_once_and_comes_to_the_front_from_live(wi
     assert "Shot 6 is saved: restitution 0.987" in panels.banner.detail.text()
     panels.tabs.setCurrentIndex(Layout.BUDGET)
     panels.table.select([1, 2])
-    presenter.take(FinishedShot(3, "run-7", None, None, None, "it was stopped"), stay=False)
+    presenter.take(CapturedShot(3, "run-7", None, None, None, "it was stopped"), stay=False)
     assert panels.table.numbers == [1, 2] and panels.tabs.currentIndex() == Layout.BUDGET  # whoever reads stays there
     assert session.entry(7).shot.problem == "it was stopped: analyse it again (Ctrl+R)"
     fit = replace(shot, fit=None, fit_problem="too slow")
@@ -294,9 +295,9 @@ def test_what_closing_would_lose_is_said_once_for_each_item(window, monkeypatch)
 
 def test_the_pace_is_quick_while_something_happens_and_slow_else(window, monkeypatch):
     show(window, Layout.BUDGET, FIRST)
-    busy = WaitingShot(1, "a", None)
+    busy = CapturedShot(1, "a", None, None, waits=True)
     assert window._pace_ms(quiet()) == 140 and window._pace_ms(quiet(state=State.ARMED)) == 35
-    assert window._pace_ms(quiet(waiting=(busy,))) == 35
+    assert window._pace_ms(quiet(captured=(busy,))) == 35
     window.panels.tabs.setCurrentIndex(Layout.LIVE)
     assert window._pace_ms(quiet()) == 100
     show(window, Layout.SHOT, FIRST)

@@ -31,8 +31,9 @@ from app.window.panels.session_model import VERDICT
 from app.window.presenters import rig
 from app.window.theme import Tone
 from instrument.capture.acquisition import State
-from instrument.capture.snapshot import KEPT_IN_MEMORY, SignalLine, WaitingShot
+from instrument.capture.snapshot import KEPT_IN_MEMORY, CapturedShot, SignalLine
 from instrument.devices.device_search import FoundDevice
+from instrument.devices.digitizer import CaptureSettings
 from instrument.files.foreign_file import ForeignChannel, ForeignContents
 from instrument.live.live_view import ChannelSignal, LiveView, empty_view
 from instrument.trigger.light_switch import Level
@@ -80,7 +81,7 @@ def test_menus_and_what_surrounds_the_pages(window):
 
 def test_every_state_of_the_rig(window, monkeypatch):
     panels = show(window, Layout.SHOT, FIRST)
-    waiting = (WaitingShot(5, "shot-5", None), WaitingShot(6, "shot-6", None))
+    waiting = tuple(CapturedShot(n, f"shot-{n}", None, CaptureSettings(1e6, 64, 0), waits=True) for n in (5, 6))
     poor = SignalLine(
         (
             ChannelSignal(Role.REFERENCE, 0.2, 0.0, 2.73e6, 21.0),
@@ -95,10 +96,10 @@ def test_every_state_of_the_rig(window, monkeypatch):
     states = {
         "arming": quiet(state=State.ARMING),
         "armed, again by itself": quiet(state=State.ARMED, automatic=True),
-        "armed, one waits": quiet(state=State.ARMED, waiting=waiting[:1]),
+        "armed, one waits": quiet(state=State.ARMED, captured=waiting[:1]),
         "the switch fired": quiet(state=State.TRIGGERED, signal=poor),
         "samples are saved": quiet(state=State.TRANSFERRING, signal=weak),
-        "analysing": quiet(state=State.ANALYSING, waiting=waiting, doing="shot-5: reading", progress=0.4),
+        "analysing": quiet(state=State.ANALYSING, captured=waiting, doing="shot-5: reading", progress=0.4),
         "a fault before any shot": quiet(
             state=State.FAULT, message="the cable is out", remedy="plug it in", signal=lost
         ),
@@ -108,8 +109,7 @@ def test_every_state_of_the_rig(window, monkeypatch):
     }
     parts = {}
     monkeypatch.setattr(rig, "time", SimpleNamespace(monotonic=lambda: 112.0))
-    monkeypatch.setattr(window.rig, "take_finished", lambda _: [])
-    monkeypatch.setattr(window.rig, "take_captured", lambda _: [])
+    monkeypatch.setattr(window.rig, "take_shots", lambda _: [])
     for name, snapshot in states.items():
         monkeypatch.setattr(window.rig, "latest", lambda snapshot=snapshot: replace(snapshot, since_s=100.0))
         window.pull()

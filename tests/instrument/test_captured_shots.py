@@ -1,6 +1,7 @@
 """Shots after their capture: numbered, the newest shown, those only in memory kept until they are saved."""
 
 from dataclasses import replace
+from itertools import count
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,10 +10,10 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
-from instrument.capture import finished_shots, recorder
-from instrument.capture.finished_shots import ABORTED, FinishedShots
+from instrument.capture import captured_shots, recorder, snapshot
+from instrument.capture.captured_shots import ABORTED, CapturedShots
 from instrument.capture.recorder import GrowingShot, Recorded, Recorder, _highest_number, save_elsewhere
-from instrument.capture.snapshot import FinishedShot, WaitingShot
+from instrument.capture.snapshot import CapturedShot
 from instrument.devices.digitizer import CaptureSettings
 from instrument.files.recording_error import RecordingError, SomeShotsNotSaved
 from instrument.files.recording_file import read_recording
@@ -45,61 +46,76 @@ class Analysis:
         return len(self.given) <= self.room
 
 
+def _waiting(shots: CapturedShots) -> list[int]:
+    return [shot.number for shot in shots.shown if shot.waits]
+
+
 def test_without_an_analysis_a_shot_is_finished_when_it_is_recorded_and_the_newest_sixteen_are_shown() -> None:
-    finished = FinishedShots(None, print)
+    shots = CapturedShots(None, print, count(1))
     for number in range(1, 19):
         early = "the stream ended" if number == 18 else None
-        assert finished.recorded(_recorded(f"s{number}", early=early)) is None
-    assert finished.taken == 18 and finished.waiting == finished.unsaved == ()
-    assert [(shot.index, shot.name) for shot in finished.newest] == [(n, f"s{n}") for n in range(3, 19)]
+        assert shots.recorded(_recorded(f"s{number}", early=early)) is None
+    assert shots.taken == 18 and _waiting(shots) == [] and shots.unsaved == ()
+    assert [(shot.number, shot.name) for shot in shots.shown] == [(n, f"s{n}") for n in range(3, 19)]
     path = Path("/data/s18.sigmf-meta")
-    assert finished.newest[-1] == FinishedShot(18, "s18", path, SETTINGS, None, "the stream ended")
-    assert finished.newest[0].problem is None and not finished.newest[0].fitted_later
+    assert shots.shown[-1] == CapturedShot(18, "s18", path, SETTINGS, None, "the stream ended")
+    assert shots.shown[0].problem is None
 
 
-def test_an_analysed_shot_comes_with_its_readings_then_under_the_same_index_with_its_fit(
+def test_an_analysed_shot_comes_with_its_readings_then_under_the_same_number_with_its_fit(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(finished_shots, "fit_pending", lambda shot: shot.endswith("?"))
-    finished = FinishedShots(None, print)
-    finished.analysis = analysis = Analysis(3)  # type: ignore[assignment]
+    monkeypatch.setattr(snapshot, "fit_pending", lambda shot: shot.endswith("?"))
+    shots = CapturedShots(None, print, count(1))
+    shots.analysis = analysis = Analysis(3)  # type: ignore[assignment]
     numbers = [
-        finished.recorded(_recorded("a")),
-        finished.recorded(_recorded("b", problem="the disk is full")),
-        finished.recorded(_recorded("c", early=ABORTED)),  # given up: nobody waits for its readings
-        finished.recorded(_recorded("d", early="the stream ended")),
-        finished.recorded(_recorded("e", filled=0)),
-        finished.recorded(_recorded("f")),
+        shots.recorded(_recorded("a")),
+        shots.recorded(_recorded("b", problem="the disk is full")),
+        shots.recorded(_recorded("c", early=ABORTED)),  # given up: nobody waits for its readings
+        shots.recorded(_recorded("d", early="the stream ended")),
+        shots.recorded(_recorded("e", filled=0)),
+        shots.recorded(_recorded("f")),
     ]
     assert numbers == [1, 2, None, 4, None, None]
     assert analysis.given == [(1, "a"), (2, "b"), (4, "d"), (6, "f")]
-    assert finished.waiting == (
-        WaitingShot(1, "a", Path("/data/a.sigmf-meta")),
-        WaitingShot(2, "b", None),
-        WaitingShot(4, "d", Path("/data/d.sigmf-meta")),
-    )
+    assert [shot for shot in shots.shown if shot.waits] == [
+        CapturedShot(1, "a", Path("/data/a.sigmf-meta"), SETTINGS, waits=True),
+        CapturedShot(2, "b", None, SETTINGS, problem="the disk is full", waits=True),
+        CapturedShot(4, "d", Path("/data/d.sigmf-meta"), SETTINGS, waits=True),
+    ]
     results: list[tuple[int, Any, str | None]] = [(4, "d?", None), (1, "a!", None), (2, None, "dim"), (4, "d!", None)]
     for number, shot, problem in results:
-        finished.analysed(number, shot, problem)
-    finished.analysed(4, "never", None)  # known already
-    assert [(shot.index, shot.name, shot.shot, shot.problem) for shot in finished.newest] == [
-        (1, "c", None, ABORTED),
-        (2, "e", None, None),
-        (3, "f", None, "not analysed: too many shots are waiting"),
+        shots.analysed(number, shot, problem)
+    shots.analysed(4, "never", None)  # type: ignore[arg-type] - known already
+    shots.analysed(7, "never", None)  # type: ignore[arg-type] - unknown
+    assert [(shot.number, shot.name, shot.shot, shot.problem) for shot in shots.shown] == [
+        (3, "c", None, ABORTED),
+        (5, "e", None, None),
+        (6, "f", None, "not analysed: too many shots are waiting"),
+        (1, "a", "a!", None),
+        (2, "b", None, "the disk is full; dim"),
         (4, "d", "d!", None),
-        (5, "a", "a!", None),
-        (6, "b", None, "the disk is full; dim"),
     ]
-    assert finished.waiting == () and finished.unsaved == ("b",)
+    assert _waiting(shots) == [] and shots.unsaved == ("b",)
+
+
+def test_a_shot_that_waits_longer_than_sixteen_others_is_still_shown() -> None:
+    shots = CapturedShots(None, print, count(100))
+    shots.analysis = Analysis(1)  # type: ignore[assignment]
+    for number in range(20):
+        shots.recorded(_recorded(f"s{number}"))
+    assert _waiting(shots) == [100] and len(shots.shown) == 17
+    shots.analysed(100, None, "dim")
+    assert [shot.number for shot in shots.shown] == [*range(105, 120), 100]
 
 
 def test_shots_in_memory_are_saved_in_their_order_and_the_first_that_fails_stays(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    finished = FinishedShots(None, print)
+    shots = CapturedShots(None, print, count(1))
     for name in ("a", "b", "c"):
-        finished.recorded(_recorded(name, problem="full"))
-    real = finished_shots.save_elsewhere
+        shots.recorded(_recorded(name, problem="full"))
+    real = captured_shots.save_elsewhere
 
     def full(recording: Recording, folder: Path) -> Path:
         if recording.name == "b":
@@ -107,14 +123,14 @@ def test_shots_in_memory_are_saved_in_their_order_and_the_first_that_fails_stays
         return real(recording, folder)
 
     GONE.clear()
-    monkeypatch.setattr(finished_shots, "save_elsewhere", full)
+    monkeypatch.setattr(captured_shots, "save_elsewhere", full)
     with pytest.raises(SomeShotsNotSaved, match="still full") as partly:
-        finished.save_pending(tmp_path)
-    assert partly.value.saved == {"a": tmp_path / "a.sigmf-meta"} and finished.unsaved == ("b", "c")
+        shots.save_pending(tmp_path)
+    assert partly.value.saved == {"a": tmp_path / "a.sigmf-meta"} and shots.unsaved == ("b", "c")
     assert GONE == ["a"]  # of what was begun on the full disk
-    monkeypatch.setattr(finished_shots, "save_elsewhere", real)
-    assert finished.save_pending(tmp_path) == [tmp_path / "b.sigmf-meta", tmp_path / "c.sigmf-meta"]
-    assert finished.unsaved == () and finished.save_pending(tmp_path) == []
+    monkeypatch.setattr(captured_shots, "save_elsewhere", real)
+    assert shots.save_pending(tmp_path) == [tmp_path / "b.sigmf-meta", tmp_path / "c.sigmf-meta"]
+    assert shots.unsaved == () and shots.save_pending(tmp_path) == []
     assert read_recording(tmp_path / "c").counts[:, 0].tolist() == list(range(100))
 
 

@@ -1,37 +1,33 @@
 """The captured shots of this session: whether saved or only in memory, and their analysis."""
 
 import threading
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.fitted import fit_pending
 from analysis.shot import Shot
 from instrument.capture.analysis_thread import AnalysisThread, Done, ShotAnalysis
 from instrument.capture.recorder import Recorded, save_elsewhere
-from instrument.capture.snapshot import FinishedShot, WaitingShot
+from instrument.capture.snapshot import CapturedShot
 from instrument.files import RecordingError, SomeShotsNotSaved
 
-SHOTS_IN_SNAPSHOT = 16  # the newest ones; a reader that needs more must keep them
+SHOTS_IN_SNAPSHOT = 16  # analysed shots kept, the newest ones; a reader that needs more must keep them
 ABORTED = "aborted"
 
 
-class FinishedShots:
-    """Follows each captured shot; ``recorded`` and ``analysed`` are called from the capture thread only."""
+class CapturedShots:
+    """Follows each captured shot; ``recorded`` and ``analysed`` are called from the capture thread only.
 
-    def __init__(self, analysis: ShotAnalysis | None, analysed: Done) -> None:
+    ``numbers`` gives each shot its number.
+    """
+
+    def __init__(self, analysis: ShotAnalysis | None, analysed: Done, numbers: Iterator[int]) -> None:
         self.analysis = None if analysis is None else AnalysisThread(analysis, analysed)
-        self.newest: tuple[FinishedShot, ...] = ()
+        self.shown: tuple[CapturedShot, ...] = ()  # all that wait, and the newest others, by the latest news
         self.taken = 0
-        self._finished = 0
-        self._waiting: dict[int, FinishedShot] = {}  # without index and shot; ``problem``: why it was not saved
-        self._awaiting_fit: dict[int, int] = {}  # number of the shot: index of its FinishedShot
+        self._numbers = numbers
         self._unsaved: dict[str, Recorded] = {}
         self._saving = threading.Lock()
-
-    @property
-    def waiting(self) -> tuple[WaitingShot, ...]:
-        """Get the shots captured and not analysed yet, oldest first."""
-        return tuple(WaitingShot(number, shot.name, shot.path) for number, shot in list(self._waiting.items()))
 
     @property
     def unsaved(self) -> tuple[str, ...]:
@@ -41,30 +37,26 @@ class FinishedShots:
     def recorded(self, recorded: Recorded) -> int | None:
         """Take a shot from the recorder; return its number if its analysis was queued, else None."""
         self.taken += 1
-        shot, recording = recorded.shot, recorded.recording
+        number, shot, recording = next(self._numbers), recorded.shot, recorded.recording
         path = None if recording.path is None else Path(recording.path)
         if recorded.problem is not None:
             with self._saving:
                 self._unsaved[recording.name] = recorded
-        waiting = FinishedShot(0, recording.name, path, shot.settings, None, recorded.problem)
+        captured = CapturedShot(number, recording.name, path, shot.settings, problem=recorded.problem, waits=True)
         if self.analysis is None or shot.ended_early == ABORTED or recording.samples == 0:
-            self._finish(waiting, None, shot.ended_early)
+            self._show(_analysed(captured, None, shot.ended_early))
             return None
-        self._waiting[self.taken] = waiting
-        if not self.analysis.submit(self.taken, recording):
-            self._finish(self._waiting.pop(self.taken), None, "not analysed: too many shots are waiting")
+        self._show(captured)
+        if not self.analysis.submit(number, recording):
+            self._show(_analysed(captured, None, "not analysed: too many shots are waiting"))
             return None
-        return self.taken
+        return number
 
     def analysed(self, number: int, shot: Shot | None, problem: str | None) -> None:
         """Take the result of the analysis of shot ``number``: its readings, then its fit, or both at once."""
-        waiting = self._waiting.pop(number, None)
-        if waiting is not None:
-            self._finish(waiting, shot, problem)
-            if shot is not None and fit_pending(shot):
-                self._awaiting_fit[number] = self._finished
-        elif (index := self._awaiting_fit.pop(number, None)) is not None:
-            self.newest = tuple(replace(done, shot=shot) if done.index == index else done for done in self.newest)
+        captured = next((one for one in self.shown if one.number == number), None)
+        if captured is not None and (captured.waits or captured.awaits_fit):
+            self._show(_analysed(captured, shot, problem))
 
     def save_pending(self, folder: Path) -> list[Path]:
         """Save the shots that are only in memory.  Raises SomeShotsNotSaved at the first that cannot be saved."""
@@ -80,8 +72,13 @@ class FinishedShots:
                     recorded.partial.abandon()
         return list(saved.values())
 
-    def _finish(self, waiting: FinishedShot, shot: Shot | None, problem: str | None) -> None:
-        self._finished += 1
-        problems = "; ".join(p for p in (waiting.problem, problem) if p)
-        done = replace(waiting, index=self._finished, shot=shot, problem=problems or None)
-        self.newest = (*self.newest, done)[-SHOTS_IN_SNAPSHOT:]
+    def _show(self, captured: CapturedShot) -> None:
+        others = [one for one in self.shown if one.number != captured.number]
+        done = [one.number for one in (*others, captured) if not one.waits]
+        self.shown = tuple(one for one in (*others, captured) if one.number not in done[:-SHOTS_IN_SNAPSHOT])
+
+
+def _analysed(captured: CapturedShot, shot: Shot | None, problem: str | None) -> CapturedShot:
+    """Return the shot with a result of its analysis; ``problem`` is added to why it was not saved."""
+    problems = "; ".join(one for one in (captured.problem, problem) if one)
+    return replace(captured, shot=shot, problem=problems or None, waits=False)

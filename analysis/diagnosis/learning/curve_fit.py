@@ -15,8 +15,9 @@ import numpy as np
 
 from analysis.collision import Argument, Infeasible, graded_basis
 from analysis.compiled import side_by_side
+from analysis.diagnosis.learning.curve_equations import CurveEquations, whitened_residual
 from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, displacements, motions, places_of
-from analysis.diagnosis.learning.penalised_step import damped, penalised_step
+from analysis.diagnosis.learning.penalised_step import penalised_step
 from analysis.inference import Fitted, Floor, Problem, free_to_move, white_floor
 from analysis.shot import Cancelled, Floats, Stop
 
@@ -24,7 +25,6 @@ _DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after ano
 _EASING = 1e-2  # factor on the damping from step to step
 _SETTLED = 0.5  # of chi^2: a step that gains less is the last
 _FAITHFUL = 0.8  # share of the predicted fall of chi^2; below it, derivatives are recomputed
-_BEYOND = 1e100  # noise norms: larger than any motion of the rig
 
 
 @dataclass(frozen=True)
@@ -97,28 +97,28 @@ def likeliest_pairs(
 ) -> list[tuple[Term, Term]]:
     """Return pairs of zero curves, ranked by the residual that they explain to first order.  Raises Cancelled.
 
-    One QR decomposition of the derivatives of all curves reduces the rows to the number of parameters and keeps every
-    sum of squares.  The 55 pairs of eleven arguments then take some seconds.
+    One QR decomposition of the derivatives of all curves reduces the rows to the number of shared parameters and keeps
+    every sum of squares.  The 55 pairs of eleven arguments then take some seconds.
     """
     start = before_law.fitted
-    size = start.z.size
     rough = start.problem.with_noise(_rough_noise(start))
 
-    def columns(argument: Argument) -> tuple[Term, Floats] | None:
+    def columns(argument: Argument) -> tuple[Term, list[Floats]] | None:
         try:
             basis = graded_basis(*before_law.visited(argument), pieces)
             term = Term(argument, basis, np.zeros(basis.count))
-            both = zip(start.residual_m, before_law.beside(term).derivatives, strict=True)
-            return term, _whitened(rough, [np.column_stack([one, j]) for one, j in both])
+            by_shot = before_law.columns(term)
         except (Infeasible, ValueError):
             return None
+        return (term, by_shot) if all(np.all(np.isfinite(one)) for one in by_shot) else None
 
     known = [one for one in side_by_side(columns, arguments) if one is not None]
     if len(known) < 2:
         return []
-    count = known[0][1].shape[0]
-    whole = np.hstack([known[0][1][:, : 1 + size], *(rows[:, 1 + size :] for _, rows in known)])
-    turned: Floats = np.asarray(np.linalg.qr(whole, mode="r"), dtype=np.float64)
+    every = [np.hstack(of_shot) for of_shot in zip(*(by_shot for _, by_shot in known), strict=True)]
+    equations = CurveEquations.of(rough, start.residual_m, before_law.motions.derivatives.with_shared(every))
+    count, size = equations.left.size, equations.shared_base
+    turned: Floats = np.asarray(np.linalg.qr(equations.reduced(), mode="r"), dtype=np.float64)
     places = places_of([term for term, _ in known], 1 + size)
 
     def judged(pair: tuple[int, int]) -> tuple[float, tuple[Term, Term]]:
@@ -126,7 +126,7 @@ def likeliest_pairs(
             raise Cancelled
         both = (known[pair[0]][0], known[pair[1]][0])
         rows = np.hstack([turned[:, : 1 + size], *(turned[:, places[k]] for k in pair)])
-        by, _, freedom = penalised_step(rows, size, both, samples=count)
+        by, _, freedom = penalised_step(rows, size, both, samples=equations.samples)
         rest = rows[:, 0] - rows[:, 1:] @ by
         return count * math.log(float(rest @ rest)) + freedom * math.log(count), both
 
@@ -183,10 +183,9 @@ class _SearchPoint:
         """Return measured minus model, averaged, per shot."""
         return problem.data.left_m(self.motions.displacement_m)
 
-    def rows(self, problem: Problem) -> Floats:
-        """Return (measured - model, derivatives), whitened, all shots concatenated."""
-        both = zip(self.left_m(problem), self.motions.derivatives, strict=True)
-        return _whitened(problem, [np.column_stack([left, j]) for left, j in both])
+    def equations(self, problem: Problem) -> CurveEquations:
+        """Return the equations of measured minus model, linearised at the derivatives' point."""
+        return CurveEquations.of(problem, self.left_m(problem), self.motions.derivatives)
 
     def with_derivatives(self, problem: Problem) -> "_SearchPoint":
         """Return this point with derivatives computed at it."""
@@ -228,11 +227,9 @@ def _fitted(
     left = here.left_m(problem)
     noise, value = problem.learn_noise(left, problem.noise)
     problem = problem.with_noise(noise)
-    rows = here.rows(problem)
-    _, penalty, freedom = penalised_step(rows, z.size, here.terms)
-    jacobian = rows[:, 1:]
-    curvature = jacobian.T @ jacobian
-    return Learned(problem, here.terms, here.z, left, value, curvature, penalty, freedom)
+    equations = here.equations(problem)
+    _, penalty, freedom = equations.step(here.terms)
+    return Learned(problem, here.terms, here.z, left, value, equations.columns.gram(), penalty, freedom)
 
 
 class _StepResult(NamedTuple):
@@ -245,17 +242,18 @@ class _StepResult(NamedTuple):
 
 
 def _downhill(problem: Problem, here: _SearchPoint, damping: float) -> _StepResult:
-    rows, size, (low, high) = here.rows(problem), here.z.size, problem.bounds
-    free = free_to_move(here.z, -rows[:, 1 : 1 + size].T @ rows[:, 0], low, high)
-    rows[:, 1 + np.flatnonzero(~free)] = 0.0  # parameters that descent pushes against their bounds stay there
-    moves, penalty, _ = penalised_step(rows, size, here.terms)
-    chi2 = _penalised(rows[:, 0], here.terms, penalty)
+    whole, size, (low, high) = here.equations(problem), here.z.size, problem.bounds
+    free = free_to_move(here.z, -whole.columns.pull(whole.left)[:size], low, high)
+    equations = whole.without(np.flatnonzero(~free))  # what descent pushes against its bound stays there
+    moves, penalty, _ = equations.step(here.terms)
+    chi2 = _penalised(equations.left, here.terms, penalty)
 
     def predicted_fall(by: Floats) -> float:
-        return chi2 - _penalised(rows[:, 0] - rows[:, 1:] @ by, _moved(here.terms, by[size:]), penalty)
+        rest = equations.left - equations.columns.along(by)
+        return chi2 - _penalised(rest, _moved(here.terms, by[size:]), penalty)
 
     for trial in (d for d in _DAMPINGS if d >= damping):
-        by = moves if trial == 0.0 else damped(rows, here.terms, penalty, trial)
+        by = moves if trial == 0.0 else equations.damped_step(here.terms, penalty, trial)
         if by is None:
             continue
         z, terms = np.clip(here.z + by[:size], low, high), _moved(here.terms, by[size:])
@@ -263,7 +261,7 @@ def _downhill(problem: Problem, here: _SearchPoint, damping: float) -> _StepResu
         try:
             shown = displacements(problem, z, terms)
             there = _SearchPoint(z, terms, Motions(shown, here.motions.derivatives), fresh=False)
-            left = _whitened(problem, [x[:, None] for x in there.left_m(problem)])[:, 0]
+            left = whitened_residual(problem, there.left_m(problem))
         except Infeasible:
             continue
         actual_fall = chi2 - _penalised(left, terms, penalty)
@@ -275,14 +273,6 @@ def _downhill(problem: Problem, here: _SearchPoint, damping: float) -> _StepResu
 def _moved(terms: tuple[Term, ...], by: Floats) -> tuple[Term, ...]:
     each = zip(terms, places_of(terms), strict=True)
     return tuple(replace(term, coefficients=term.coefficients + by[part]) for term, part in each)
-
-
-def _whitened(problem: Problem, columns: Sequence[Floats]) -> Floats:
-    """Return ``columns``, of shape (n, k) per shot, whitened, all shots concatenated."""
-    joined = problem.whitened(columns)
-    if not np.all(np.abs(joined) < _BEYOND):
-        raise Infeasible("the trajectory leads nowhere")
-    return joined
 
 
 def _penalised(left: Floats, terms: Sequence[Term], penalty: Floats) -> float:

@@ -23,7 +23,7 @@ from analysis.collision import (
     visited_range,
 )
 from analysis.compiled import side_by_side
-from analysis.inference import Fitted, Point, Problem
+from analysis.inference import Arrow, Fitted, Point, Problem
 from analysis.shot import Floats
 
 Path = tuple[LinearPath, Collision]
@@ -51,10 +51,10 @@ def places_of(terms: Sequence[Term], first: int = 0) -> list[slice]:
 
 @dataclass(frozen=True)
 class Motions:
-    """Averaged displacement of every shot, shape (n,), and its derivatives by all parameters, shape (n, p)."""
+    """Averaged displacement of every shot, shape (n,), and its derivatives by base, starts and coefficients."""
 
     displacement_m: tuple[Floats, ...]
-    derivatives: tuple[Floats, ...]
+    derivatives: Arrow
 
 
 @dataclass(frozen=True)
@@ -75,12 +75,18 @@ class FitWithMotions:
             values.append(argument.value(told))
         return visited_range(values)
 
-    def beside(self, term: Term) -> Motions:
-        """Return the motions with a law that is still zero.  Raises Infeasible where it has no first-order response."""
+    def columns(self, term: Term) -> list[Floats]:
+        """Return the derivatives of every shot by the coefficients of a law that is still zero, shape (n, count).
+
+        Raises Infeasible where it has no first-order response.
+        """
         row = term.argument.row(term.curve)
-        shown = zip(self.motions.derivatives, self.paths, strict=True)
-        columns = side_by_side(lambda one: np.hstack([one[0], _columns(term, row, one[1], one[0].shape[0])]), shown)
-        return Motions(self.motions.displacement_m, tuple(columns))
+        shown = zip(self.paths, self.motions.displacement_m, strict=True)
+        return side_by_side(lambda one: _columns(term, row, one[0], one[1].size), shown)
+
+    def beside(self, term: Term) -> Motions:
+        """Return the motions with a law that is still zero.  Raises Infeasible as ``columns``."""
+        return Motions(self.motions.displacement_m, self.motions.derivatives.with_shared(self.columns(term)))
 
 
 def fit_with_motions(fitted: Fitted) -> FitWithMotions:
@@ -94,7 +100,7 @@ def fit_with_motions(fitted: Fitted) -> FitWithMotions:
     problem = fitted.problem
     lines = problem.derivatives(fitted.z)
     paths = [_path(problem, fitted.point, (), index) for index in range(len(problem.data.shots))]
-    tangents = tuple(_spread(problem, index, j) for index, (_, j) in enumerate(lines))
+    tangents = problem.arrow([j for _, j in lines])
     return FitWithMotions(fitted, Motions(tuple(x for x, _ in lines), tangents), tuple(paths))
 
 
@@ -108,21 +114,13 @@ def motions(problem: Problem, z: Floats, terms: Sequence[Term]) -> Motions:
     rows = _rows(terms)
     lines, point = problem.derivatives(z, rows), problem.unpack(z)
 
-    def by_all(index: int) -> Floats:
-        shown, of_base = lines[index]
-        path = _path(problem, point, rows, index)
-        of_terms = [_columns(term, row, path, shown.size) for term, row in zip(terms, rows, strict=True)]
-        return np.hstack([_spread(problem, index, of_base), *of_terms])
+    def by_coefficients(index: int) -> Floats:
+        path, samples = _path(problem, point, rows, index), lines[index][0].size
+        return np.hstack([_columns(term, row, path, samples) for term, row in zip(terms, rows, strict=True)])
 
-    derivatives = side_by_side(by_all, range(len(problem.data.shots)))
-    return Motions(tuple(x for x, _ in lines), tuple(derivatives))
-
-
-def _spread(problem: Problem, index: int, tangents: Floats) -> Floats:
-    """Return one shot's derivatives, shape (n, q), as derivatives by the whole vector, shape (n, size)."""
-    out = np.zeros((tangents.shape[0], problem.size))
-    out[:, problem.places[index]] = tangents
-    return out
+    columns = side_by_side(by_coefficients, range(len(problem.data.shots)))
+    derivatives = problem.arrow([of_base for _, of_base in lines]).with_shared(columns)
+    return Motions(tuple(x for x, _ in lines), derivatives)
 
 
 def _rows(terms: Sequence[Term]) -> list[Effect]:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from analysis.diagnosis.learning.curve_motion import Term, places_of
-from analysis.inference import damped_step
 from analysis.shot import Floats
 
 _GRID = np.arange(-34.0, 14.0, 1.5)  # ln of a smoothing in units of the curve's own curvature
@@ -22,8 +21,9 @@ def penalised_step(
 ) -> tuple[Floats, Floats, float]:
     """Return the step of all parameters, the smoothing penalty of the coefficients, and their effective number.
 
-    The smoothing is one number per curve, from restricted maximum likelihood of the linearised problem.  ``samples``
-    is the number of samples that ``rows`` represent, if they were reduced to fewer rows.
+    ``rows`` hold the residual, ``base`` columns of the base model, and the curves' columns.  The smoothing is one
+    number per curve, from restricted maximum likelihood of the linearised problem.  ``samples`` is the number of
+    samples that ``rows`` represent, if they were reduced to fewer rows.
     """
     left, fixed, free = rows[:, 0], rows[:, 1 : 1 + base], rows[:, 1 + base :]
     now = np.concatenate([term.coefficients for term in terms])
@@ -40,17 +40,6 @@ def penalised_step(
     rest = left - free @ (solution - now)
     own = np.linalg.lstsq(fixed / scale, rest, rcond=1e-12)[0] / scale
     return np.concatenate([own, solution - now]), penalty, freedom
-
-
-def damped(rows: Floats, terms: Sequence[Term], penalty: Floats, damping: float) -> Floats | None:
-    """Return the step of all parameters, damped in directions that the shots hardly constrain; or None."""
-    left, jacobian = rows[:, 0], rows[:, 1:]
-    coefficients = np.concatenate([term.coefficients for term in terms])
-    curvature, pull = jacobian.T @ jacobian, jacobian.T @ left
-    base = pull.size - coefficients.size
-    curvature[base:, base:] += penalty
-    pull[base:] -= penalty @ coefficients
-    return damped_step(curvature, pull, damping)
 
 
 def _smoothing(a: Floats, b: Floats, s: float, free_samples: int, terms: Sequence[Term]) -> tuple[Floats, Floats]:

@@ -60,6 +60,14 @@ class Arrow:
         shared = int(kept[0][: self.shared].sum())
         return Arrow(blocks, shared, places, self.size)
 
+    def with_shared(self, columns: Sequence[Floats]) -> "Arrow":
+        """Return the matrix with further shared columns, shape (n, k) per shot; their parameters follow the others."""
+        s, added = self.shared, np.arange(self.size, self.size + columns[0].shape[1])
+        both = zip(self.blocks, columns, strict=True)
+        blocks = tuple(np.hstack([block[:, :s], more, block[:, s:]]) for block, more in both)
+        places = tuple(np.concatenate([at[:s], added, at[s:]]) for at in self.places)
+        return Arrow(blocks, s + added.size, places, self.size + added.size)
+
     def parts(self, rows: Floats) -> list[Floats]:
         """Return ``rows`` of all shots, one after another, as a list by shot."""
         return _split(rows, self.blocks)
@@ -94,18 +102,25 @@ class Arrow:
 
     def solve(self, rows: Floats) -> Floats:
         """Return the least-squares solution for ``rows``, shape (size,); the shortest if it is not unique."""
-        out = np.zeros(self.size)
-        own = [orthonormal(block[:, self.shared :]) for block in self.blocks]
-        both = [
-            _projected_off(basis, np.column_stack([block[:, : self.shared], part]))
-            for basis, block, part in zip(own, self.blocks, self.parts(rows), strict=True)
-        ]
+        shared = np.zeros(0)
         if self.shared:
-            triangle: Floats = np.asarray(np.linalg.qr(np.concatenate(both), mode="r"))
-            out[self.places[0][: self.shared]] = _least_squares(triangle[:, :-1], triangle[:, -1])
+            triangle: Floats = np.asarray(np.linalg.qr(np.concatenate(self.off_own(rows)), mode="r"))
+            shared = _least_squares(triangle[:, :-1], triangle[:, -1])
+        return self.with_own(shared, rows)
+
+    def off_own(self, rows: Floats) -> list[Floats]:
+        """Return (shared columns, ``rows``), shape (n, s + 1) per shot, with the shot's own columns projected off."""
+        return [
+            _projected_off(orthonormal(block[:, self.shared :]), np.column_stack([block[:, : self.shared], part]))
+            for block, part in zip(self.blocks, self.parts(rows), strict=True)
+        ]
+
+    def with_own(self, shared: Floats, rows: Floats) -> Floats:
+        """Return the least-squares solution for ``rows``, shape (size,), with ``shared`` parameters, shape (s,)."""
+        out = np.zeros(self.size)
         for block, at, part in zip(self.blocks, self.places, self.parts(rows), strict=True):
-            left = part - block[:, : self.shared] @ out[at[: self.shared]]
-            out[at[self.shared :]] = _least_squares(block[:, self.shared :], left)
+            out[at[: self.shared]] = shared
+            out[at[self.shared :]] = _least_squares(block[:, self.shared :], part - block[:, : self.shared] @ shared)
         return out
 
 

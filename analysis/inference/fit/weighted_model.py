@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -152,9 +152,15 @@ class WeightedModel(SearchVector):
 
         The residual is measured minus model, shape (rows,), concatenated over the shots.
         """
-        both = zip(self.data.shots, self.data.left_m(x for x, _ in lines), lines, strict=True)
-        rows = [shot.whitened(self.noise, np.column_stack([left, tangents])) for shot, left, (_, tangents) in both]
-        return np.concatenate([one[:, 0] for one in rows]), self.arrow([one[:, 1:] for one in rows])
+        tangents = self.arrow([tangents for _, tangents in lines])
+        return self.whitened_equations(self.data.left_m(x for x, _ in lines), tangents)
+
+    def whitened_equations(self, left_m: Iterable[Floats], columns: Arrow) -> tuple[Floats, Arrow]:
+        """Return residuals, shape (n,) per shot, and ``columns``, whitened; the residuals concatenated over shots."""
+        both = zip(self.data.shots, left_m, columns.blocks, strict=True)
+        rows = [shot.whitened(self.noise, np.column_stack([left, block])) for shot, left, block in both]
+        whitened = replace(columns, blocks=tuple(one[:, 1:] for one in rows))
+        return np.concatenate([one[:, 0] for one in rows]), whitened
 
     def square(self, z: Floats) -> Square:
         """Return the whitened sum of squares at ``z`` with its derivatives."""

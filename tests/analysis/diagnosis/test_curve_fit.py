@@ -13,8 +13,10 @@ from analysis.collision import Infeasible
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning import curve_fit
+from analysis.diagnosis.learning.curve_equations import CurveEquations
 from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, fit_with_motions
 from analysis.diagnosis.learning.penalised_step import penalised_step
+from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.fit.joint_data import JointData
@@ -66,7 +68,7 @@ def test_a_law_that_is_nothing_yet_leaves_the_shots_as_they_are(before_law: FitW
     solved = curve_fit.motions(before_law.fitted.problem, before_law.fitted.z, (term,))
     for shown, other in zip(laid.displacement_m, solved.displacement_m, strict=True):
         assert np.abs(shown - other).max() < 1e-13
-    for one, other in zip(laid.derivatives, solved.derivatives, strict=True):
+    for one, other in zip(laid.derivatives.blocks, solved.derivatives.blocks, strict=True):
         assert np.abs(one - other).max() < 2e-4 * np.abs(other).max()
 
 
@@ -92,7 +94,7 @@ class Rows:
 
     def __init__(self, noise: float = 1.0, site: Any = None) -> None:
         self.noise = noise
-        self.low, self.high = np.full(2, -1e9), np.full(2, 1e9)
+        self.low, self.high, self.size = np.full(2, -1e9), np.full(2, 1e9), 2
         self.data: Any = SimpleNamespace(site=site, left_m=lambda shown: tuple(5.0 - one for one in shown))
 
     @property
@@ -100,7 +102,10 @@ class Rows:
         return self.low, self.high
 
     def whitened(self, columns: Any) -> np.ndarray:
-        return np.vstack(columns) / self.noise
+        return np.vstack(list(columns)) / self.noise
+
+    def whitened_equations(self, left_m: Any, columns: Arrow) -> tuple[np.ndarray, Arrow]:
+        return np.concatenate(list(left_m)) / self.noise, columns.mapped(lambda _, block: block / self.noise)
 
     def with_noise(self, noise: float) -> "Rows":
         return Rows(noise, self.data.site)
@@ -114,7 +119,7 @@ TERM = Term(PLACE, Basis((0.0, 0.5, 1.0)), np.zeros(5))
 
 def place_of(value: float, fresh: bool = True) -> Any:
     shown = (np.full(3, value), np.full(2, value))
-    derivatives = (np.ones((3, 7)), np.ones((2, 7)))
+    derivatives = Arrow.of([np.ones((3, 7)), np.ones((2, 7))], 7)
     return curve_fit._SearchPoint(np.array([value, 0.0]), (TERM,), Motions(shown, derivatives), fresh)
 
 
@@ -125,8 +130,8 @@ def test_a_step_is_damped_until_it_leads_down(monkeypatch: pytest.MonkeyPatch) -
     penalty = 0.5 * np.eye(5)
     ends: dict[float, Any] = {}
 
-    def damped(rows: Any, terms: Any, of: Any, damping: float) -> Any:
-        assert rows.shape == (5, 8) and terms == (TERM,) and of is penalty
+    def damped(equations: CurveEquations, terms: Any, of: Any, damping: float) -> Any:
+        assert equations.left.shape == (5,) and terms == (TERM,) and of is penalty
         return None if ends.get(damping) == "none" else moves + damping
 
     def shown(problem: Any, z: Any, terms: Any) -> Any:
@@ -139,8 +144,8 @@ def test_a_step_is_damped_until_it_leads_down(monkeypatch: pytest.MonkeyPatch) -
             raise Infeasible("nowhere")
         return np.full(3, end), np.full(2, end)
 
-    monkeypatch.setattr(curve_fit, "penalised_step", lambda rows, size, terms: (moves, penalty, 2.0))
-    monkeypatch.setattr(curve_fit, "damped", damped)
+    monkeypatch.setattr(CurveEquations, "step", lambda equations, terms: (moves, penalty, 2.0))
+    monkeypatch.setattr(CurveEquations, "damped_step", damped)
     monkeypatch.setattr(curve_fit, "displacements", shown)
     problem: Any = Rows()
     here = place_of(3.0)
@@ -169,36 +174,36 @@ def test_a_step_ends_on_a_bound_and_what_presses_against_one_stays(
 ) -> None:
     """The way down leads up from 3 and down from 7: a number at its bound there is no column of the step."""
     moves, penalty = side * np.array([4.0, 1.0, *np.zeros(5)]), np.zeros((5, 5))
-    columns: list[np.ndarray] = []
+    given: list[CurveEquations] = []
     shown: list[np.ndarray] = []
 
-    def stepped(rows: np.ndarray, size: int, terms: Any) -> Any:
-        columns.append(rows.copy())
+    def stepped(equations: CurveEquations, terms: Any) -> Any:
+        given.append(equations)
         return moves, penalty, 2.0
 
     def displacements(problem: Any, z: np.ndarray, terms: Any) -> Any:
         shown.append(z)
         return np.full(3, 5.0), np.full(2, 5.0)
 
-    monkeypatch.setattr(curve_fit, "penalised_step", stepped)
+    monkeypatch.setattr(CurveEquations, "step", stepped)
     monkeypatch.setattr(curve_fit, "displacements", displacements)
     problem: Any = Rows()
     for bound, end, stays in ((value + 1.5 * side, value + 1.5 * side, False), (value, value, True)):
-        columns.clear()
+        given.clear()
         problem.low, problem.high = np.array([min(bound, value), -9.0]), np.array([max(bound, value), 9.0])
         went = curve_fit._downhill(problem, place_of(value), 0.0)
         assert went.there is not None and went.there.z.tolist() == shown[-1].tolist() == [end, side]
         left = np.full(5, 5.0 - value)
-        np.testing.assert_allclose(columns[0][:, 0], left)
-        assert columns[0][:, 1].any() != stays and columns[0][:, 2:].all()
-        rest = left - (end - value) * columns[0][:, 1] - side
+        np.testing.assert_allclose(given[0].left, left)
+        assert given[0].columns.places[0].tolist() == ([1, 2, 3, 4, 5, 6] if stays else [0, 1, 2, 3, 4, 5, 6])
+        rest = left - (end - value) * (not stays) - side
         assert went.predicted_fall == pytest.approx(left @ left - rest @ rest)
     far = np.array([value + 99.0 * side, 9.0 * side])
     behind = np.array([value, -9.0 * side])
     problem.low, problem.high = np.minimum(far, behind), np.maximum(far, behind)
-    columns.clear()
+    given.clear()
     curve_fit._downhill(problem, place_of(value), 0.0)
-    assert columns[0][:, 1].all()  # a bound behind holds nothing
+    assert 0 in given[0].columns.places[0]  # a bound behind holds nothing
 
 
 class Walk:
@@ -224,7 +229,7 @@ class Walk:
 
         patch.setattr(curve_fit, "_downhill", downhill)
         patch.setattr(curve_fit, "motions", anew)
-        patch.setattr(curve_fit, "penalised_step", lambda rows, size, terms: (None, np.eye(5), 2.5))
+        patch.setattr(CurveEquations, "step", lambda equations, terms: (None, np.eye(5), 2.5))
 
     def fitted(self, steps: int, *, site: Any = None, to_the_end: bool = False, stop: Any = calm) -> Any:
         begin = place_of(0.0)
@@ -294,16 +299,16 @@ def test_pairs_of_curves_are_told_apart_by_what_both_explain_together(monkeypatc
     left = left + 0.05 * random.standard_normal(200)
     halves = slice(0, 120), slice(120, 200)
 
-    def beside(term: Term) -> Any:
+    def columns(term: Term) -> Any:
         if term.argument is arguments[3]:
             raise Infeasible("nowhere")
-        rows = np.hstack([fixed, term.basis.design(at[term.argument])])
-        return SimpleNamespace(derivatives=[rows[half] for half in halves])
+        return [term.basis.design(at[term.argument])[half] for half in halves]
 
+    base = SimpleNamespace(derivatives=Arrow.of([fixed[half] for half in halves], 2))
     rough: Any = Rows(0.1)
     monkeypatch.setattr(curve_fit, "_rough_noise", lambda start: 0.1)
     start = SimpleNamespace(z=np.zeros(2), residual_m=[left[half] for half in halves], problem=Rows())
-    before_law: Any = SimpleNamespace(fitted=start, visited=lambda one: (0.0, 1.0), beside=beside)
+    before_law: Any = SimpleNamespace(fitted=start, visited=lambda one: (0.0, 1.0), columns=columns, motions=base)
     found = curve_fit.likeliest_pairs(before_law, arguments, 6, calm)
     judged = {}
     for pair in itertools.combinations(arguments[:3], 2):

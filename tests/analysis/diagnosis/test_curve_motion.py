@@ -12,6 +12,7 @@ from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import graded_basis, visited_range
 from analysis.diagnosis.learning import curve_motion as module
 from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term
+from analysis.inference.fit.arrow import Arrow
 
 PLACE = next(one for one in ARGUMENTS if (one.where, one.name) == ("block", "place"))
 BEND = next(one for one in ARGUMENTS if one.where == "plate" and not one.touching)
@@ -67,6 +68,7 @@ def problem_of(site: Any = None) -> Any:
 
     return SimpleNamespace(
         size=3, places=[np.array([0, 1]), np.array([0, 2])], derivatives=lambda z, rows=(): lines, shot_at=shot_at,
+        arrow=lambda blocks: Arrow(tuple(blocks), 1, (np.array([0, 1]), np.array([0, 2])), 3),
         unpack=lambda z: ("point", z), data=SimpleNamespace(shots=["s0", "s1"], site=site),
         displacement=lambda z, rows: [("shown", z, row) for row in rows],
     )  # fmt: skip
@@ -74,7 +76,7 @@ def problem_of(site: Any = None) -> Any:
 
 @pytest.mark.parametrize("laid", [True, False])
 def test_derivatives_stand_at_the_places_of_their_numbers(laid: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Base and starts first, spread over the whole vector, then the coefficients of each curve."""
+    """Base and starts first, then the coefficients of each curve, which all shots share."""
     asked: list[Any] = []
 
     def columns(term: Term, row: Any, path: Any, samples: int) -> np.ndarray:
@@ -93,12 +95,12 @@ def test_derivatives_stand_at_the_places_of_their_numbers(laid: bool, monkeypatc
         z: Any = "z"
         found = module.motions(problem, z, (term,))
         laws, point = [term.argument.row(term.curve)], ("point", "z")
-    spread = [
-        [[1.0, 2.0, 0.0], [3.0, 4.0, 0.0], [5.0, 6.0, 0.0]], [[2.0, 0.0, 3.0], [4.0, 0.0, 5.0], [6.0, 0.0, 7.0]],
-    ]  # fmt: skip
-    for k, derivatives in enumerate(found.derivatives):
-        np.testing.assert_array_equal(derivatives[:, :3], spread[k])
-        np.testing.assert_array_equal(derivatives[:, 3:], np.full((3, BASIS.count), 100.0 + k))
+    count = BASIS.count
+    assert found.derivatives.shared == 1 + count and found.derivatives.size == 3 + count
+    for k, (block, at) in enumerate(zip(found.derivatives.blocks, found.derivatives.places, strict=True)):
+        assert at.tolist() == [0, *range(3, 3 + count), 1 + k]
+        np.testing.assert_array_equal(block[:, [0, -1]], np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]) + k)
+        np.testing.assert_array_equal(block[:, 1:-1], np.full((3, count), 100.0 + k))
         np.testing.assert_array_equal(found.displacement_m[k], np.full(3, 10.0 + k))
     for (path, collision), samples in asked:
         index, at, acting, steps = path

@@ -15,7 +15,7 @@ from analysis.diagnosis.learning.closed_forms import gauge, information, is_dist
 from analysis.diagnosis.learning.curve_fit import Learned, _moved, _penalised
 from analysis.diagnosis.learning.curve_motion import Term
 from analysis.diagnosis.learning.learned_law import _as
-from analysis.diagnosis.learning.penalised_step import damped, penalised_step
+from analysis.diagnosis.learning.penalised_step import penalised_step
 
 PLACE = next(one for one in ARGUMENTS if (one.where, one.name) == ("block", "place"))
 BASIS = Basis(tuple(np.linspace(0.0, 1.0, 7)))
@@ -68,18 +68,6 @@ def test_the_step_is_the_penalised_solution_at_the_likeliest_smoothing(noise: fl
     again, same, _ = penalised_step(turned, 2, (term,), samples=300)
     np.testing.assert_allclose(same, penalty, rtol=1e-6)
     np.testing.assert_allclose(again, by, rtol=1e-5, atol=1e-8)
-
-
-def test_damping_shortens_a_step() -> None:
-    rows, term = rows_of(0.3, 6.0)
-    by, penalty, _ = penalised_step(rows, 2, (term,))
-    little, much = (damped(rows, (term,), penalty, damping) for damping in (1e-12, 10.0))
-    assert little is not None and much is not None
-    jacobian = rows[:, 1:]  # a constant is base and curve alike: what both do together is what is known
-    np.testing.assert_allclose(jacobian @ little, jacobian @ by, atol=1e-3)
-    curvature = jacobian.T @ jacobian + np.pad(penalty, (2, 0))
-    pull = jacobian.T @ rows[:, 0] - np.concatenate([[0.0, 0.0], penalty @ term.coefficients])
-    np.testing.assert_allclose((curvature + 10.0 * np.diag(np.diag(curvature))) @ much, pull, rtol=1e-6, atol=1e-6)
 
 
 def made() -> Learned:

@@ -121,3 +121,14 @@ def test_columns_left_out_leave_the_others_where_they_were() -> None:
     whole = dense(arrow)
     whole[:, gone] = 0.0
     assert fewer.shared == 3 and np.allclose(dense(fewer), whole)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_further_columns_that_all_shots_share_stand_before_their_own(seed: int) -> None:
+    arrow = mixed(drawn(seed), seed)
+    added = [np.random.default_rng(k).standard_normal((len(block), 2)) for k, block in enumerate(arrow.blocks)]
+    wider = arrow.with_shared(added)
+    assert (wider.shared, wider.size) == (arrow.shared + 2, arrow.size + 2)
+    assert np.array_equal(dense(wider), np.hstack([dense(arrow), np.concatenate(added)]))
+    rows = np.random.default_rng(seed).standard_normal(len(dense(wider)))
+    assert np.allclose(wider.solve(rows), np.linalg.lstsq(dense(wider), rows, rcond=None)[0])

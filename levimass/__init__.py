@@ -1,7 +1,7 @@
 """Levimass from a script or a notebook: ``read``, ``analyse``, ``diagnose``, ``simulate``.
 
 Results are frozen dataclasses with read-only arrays.  The import is quick; the first call loads the numerics, and the
-very first one compiles them (``levimass --prepare`` does that beforehand).
+very first one compiles them (``levimass prepare`` does that beforehand).
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def simulate(
 ) -> list[Path]:
     """Write recordings of ``shots`` shots on the simulated bench into ``folder``; return their paths.
 
-    ``effects`` are those of the rig, such as ``{"sensor_lag": {"lag_s": 1e-6}}``.  The same seed gives the same
+    ``effects`` are those of the rig, such as ``{"demodulation_lag": {"time_s": 1e-6}}``.  The same seed gives the same
     counts.  Raises ValueError for an unknown effect, RecordingError where nothing can be written.
     """
     from instrument.bench import simulate as write_simulated

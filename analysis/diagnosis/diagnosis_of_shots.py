@@ -33,7 +33,7 @@ def diagnose(
     """Diagnose one or several shots of one rig against the base ``model`` with the ``accepted`` effects.
 
     ``model`` defaults to that of the shots' settings, and to "paper" for motions alone.  An effect of the catalogue
-    may be given by its name.  ``laws`` are user-defined laws (``laws.own``), tried like the catalogue's effects.
+    may be given by its name.  ``laws`` are user-defined laws (``laws.user_law``), tried like the catalogue's effects.
     ``hold_out`` is the index of the validation shot, which is predicted from the others (default: the slowest, a
     middle one and the fastest in turn; of two, the slower).  Frame motion is taken from the shots' readings; for
     motions alone it is read here.  After ``seconds`` on two cores, optional steps are left out: restarts of the

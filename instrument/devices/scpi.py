@@ -83,9 +83,9 @@ class ScpiOscilloscope(TriggeredDigitizer[int]):
         return CaptureSettings(timing.sample_rate_hz, timing.samples, timing.trigger_sample or 0)
 
     def arm(self, settings: CaptureSettings) -> None:
-        """Set time base, memory depth and trigger delay if they differ from ``wanted``.
+        """Set time base and trigger, then start one acquisition.
 
-        Raises DigitizerError if the instrument's rate still differs afterwards.
+        Raises DigitizerError for settings that the instrument cannot do.
         """
         self.stop()
         if not 0 <= settings.pre_trigger_samples < settings.samples <= self._dialect.max_samples:

@@ -101,7 +101,7 @@ def second_as_frequency(values: Floats, _collision: Collision) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Effect:
-    """An effect that can be added to a base model: a row of the catalogue (docs/catalogue.md) or a law (``laws.own``).
+    """An effect that can be added to a base model: a row of docs/catalogue.md, or a law (``laws.user_law``).
 
     Effects of the same type and ``key`` are equal.  All functions of a row are named at module level, so that an effect
     can be sent to another process.

@@ -221,12 +221,12 @@ GROUPS = (
                "SITE", _name),
     )),
 )  # fmt: skip
-_ALSO = {  # option -> further commands that accept it
-    "json": ("paper", "acquire"),
-    "source": ("doctor",),
-    "jobs": ("prepare",),
-    "rate": ("map",),
-    "model": ("map",),
+_ALSO: dict[str, dict[str, str]] = {  # option -> further commands that accept it; its help there, if another
+    "json": {"paper": "", "acquire": ""},
+    "source": {"doctor": ""},
+    "jobs": {"prepare": "compile in N processes"},
+    "rate": {"map": ""},
+    "model": {"map": "base model of a displacement: contact (default) or paper"},
 }
 _ONE_CALL = "need all shots in one process: omit --jobs and --scheduler"
 EXCLUDED = (  # (option, options that it excludes, message)
@@ -251,6 +251,11 @@ NEEDED = (  # (option, options of which it needs at least one)
 
 def commands_of(group: Group, option: Option) -> tuple[str, ...]:
     return (*group.commands, *_ALSO.get(option.key, ()))
+
+
+def help_in(command: str, option: Option) -> str:
+    """Return what an option does with this command."""
+    return _ALSO.get(option.key, {}).get(command) or option.help
 
 
 def is_model_file(model: str) -> bool:

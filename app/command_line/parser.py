@@ -4,7 +4,7 @@ import argparse
 from dataclasses import replace
 
 from app.command_line import options as declared
-from app.command_line.options import COMMANDS, MODELS, PLAN, WINDOW, Version, commands_of, is_model_file
+from app.command_line.options import COMMANDS, MODELS, PLAN, WINDOW, Version, commands_of, help_in, is_model_file
 from levimass import AnalysisSettings
 
 
@@ -37,10 +37,11 @@ def command_parser(name: str) -> argparse.ArgumentParser:
         more = {key: value for key, value in command.more.items() if key != "const"}
         replace(command, help="", more=more).add(parser, command.key)
     excluded = {other for one, others, _ in declared.EXCLUDED for other in others if one == name}
+    excluded |= {one for one, needed in declared.NEEDED if excluded.issuperset(needed)}
     for group in declared.GROUPS:
         for option in group.options:
             if (command.key if command else name) in commands_of(group, option) and option.key not in excluded:
-                option.add(parser)
+                replace(option, help=help_in(name, option)).add(parser)
     return parser
 
 

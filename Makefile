@@ -72,7 +72,7 @@ bench-streaming: $(READY)
 bench-loop: $(READY)
 	$(BIN)/python -m tests.benchmarks.loop --seed 2 --keep .bench/loop.jsonl --page docs/closed-loop-benchmark.md
 	$(BIN)/python -m tests.benchmarks.laws --seed 2 --keep .bench/laws.jsonl --page docs/closed-loop-laws.md
-	$(BIN)/python -m tests.benchmarks.next_shots --seed 2 --random 5 --keep .bench/next_shots.jsonl --page docs/next-shot-benchmark.md
+	$(BIN)/python -m tests.benchmarks.next_shots --seed 2 --random 5 --keep .bench/next_shots.jsonl --page .bench/next_shots.md
 
 # clean drives of several kinds: how many are given a law that they have not?
 bench-drives: $(READY)

@@ -87,9 +87,10 @@ bench-sites: $(READY)
 	$(BIN)/python -m tests.benchmarks.buildings --clean 43 --effects 3 --seed 2 --keep .bench/buildings.jsonl
 	$(BIN)/python -m tests.benchmarks.sites --clean 100 --effects 5 --seed 2 --keep .bench/sites.jsonl
 
-# what each page and report shows, as text that tests compare with: written anew, to be read before it is committed
+# what each page and report shows, as text that tests compare with, and the tables of thresholds and effects in docs/:
+# written anew, to be read before it is committed
 screen: $(READY)
-	LEVIMASS_WRITE_SCREEN=1 QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest tests/app/window tests/app/report tests/app/session tests/app/command_line tests/instrument/bench/test_seed.py
+	LEVIMASS_WRITE_SCREEN=1 QT_QPA_PLATFORM=offscreen $(BIN)/python -m pytest tests/app/window tests/app/report tests/app/session tests/app/command_line tests/instrument/bench/test_seed.py tests/analysis/diagnosis/test_criteria.py tests/analysis/diagnosis/test_catalogue.py
 
 screenshots: $(READY)
 	QT_QPA_PLATFORM=offscreen $(BIN)/python -m tests.app.screenshots docs/images

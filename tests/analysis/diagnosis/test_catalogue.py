@@ -1,12 +1,12 @@
 """Every effect of the model's catalogue is one that the diagnosis tries, by the same function."""
 
 import re
-from pathlib import Path
 
 import pytest
 
 from analysis.collision.effects import CATALOGUE
 from analysis.inference.fit.free_parameters import trial_effects
+from tests.pages import check_part, page
 
 
 def test_the_diagnosis_tries_what_the_catalogue_holds() -> None:
@@ -24,8 +24,15 @@ def test_the_diagnosis_tries_what_the_catalogue_holds() -> None:
 
 
 def test_the_page_of_the_catalogue_lists_every_effect_with_its_parameters() -> None:
-    page = (Path(__file__).parents[3] / "docs" / "catalogue.md").read_text(encoding="utf-8")
-    rows = {cells[1].strip("` "): cells[3] for line in page.splitlines() if (cells := line.split("|"))[1:2]}
-    for effect in CATALOGUE.values():
-        told = [parameter.name for parameter in effect.parameters]
-        assert re.findall(r"`(\w+)`", rows[effect.name]) == told
+    """What an effect adds and where it shows is written by hand; ``make screen`` begins the row of a new one."""
+    kept = page("catalogue.md").partition("|---|---|---|---|---|\n")[2].partition("\n\n")[0]
+    written = {cells[1].strip("` "): cells for line in kept.splitlines() if (cells := line.split("|"))}
+    rows = []
+    for name, effect in CATALOGUE.items():
+        alike = ", ".join(other.replace("_", " ") for other in effect.look_alikes) or "none near"
+        adds, told, shows, others = written.get(name, f"|| {effect.words} || – | {alike} |".split("|"))[2:6]
+        if re.findall(r"`(\w+)`", told) != [parameter.name for parameter in effect.parameters]:
+            each = [f"`{parameter.name}`" + " (a shot)" * parameter.own for parameter in effect.parameters]
+            told = f" {', '.join(each)} "
+        rows.append(f"| `{name}` |{adds}|{told}|{shows}|{others}|")
+    check_part("catalogue.md", kept, "\n".join(rows))

@@ -1,13 +1,15 @@
-"""Follow docs/add-a-number.md: one more row of the declaration, and the number is found wherever numbers are shown."""
+"""Follow docs/add-a-number.md with the code that stands there: the number is found wherever numbers are shown."""
 
 import csv
 import math
+from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 from PySide6.QtCore import Qt
 
 from analysis.report import result
-from analysis.shot.quantity import Quantity
+from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty import measurement_equations, numbers
 from analysis.uncertainty.gum_budget import combined_uncertainties, with_combined_uncertainty
 from app.report.exports import export
@@ -18,22 +20,29 @@ from app.window.panels.compare import ComparePanel
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_table import SessionTable
 from app.words.wording import concise_text
+from tests.analysis.uncertainty import test_equations
 from tests.app import synthetic
 from tests.app.on_screen import trend_points
+from tests.pages import code_blocks
+
+
+def _of_the_page():
+    """Return the number of the page: its function and its row, as they would stand in ``numbers.py``."""
+    function, equation, row = code_blocks("add-a-number.md")
+    equations = dict(vars(measurement_equations))
+    exec(compile(equation, "measurement_equations.py", "exec"), equations)
+    names = vars(numbers) | {"by": SimpleNamespace(**equations)}
+    exec(compile(function, "numbers.py", "exec"), names)
+    return eval(row, names)
+
+
+IMPULSE = _of_the_page()
 
 
 def _impulse(shot):
     peak, width = shot.impact.force_peak_n, shot.impact.force_fwhm_s
     value = peak.value * width.value
     return Quantity(value, value * math.hypot(peak.std / peak.value, width.std / width.value), "peak times width")
-
-
-IMPULSE = numbers.ResultNumber(
-    *("pulse_impulse_n_s", "impulse", "peak force times width", "N s", numbers.Group.MOTION, numbers.Origin.READ),
-    "About the impulse of the first contact.",
-    computed=_impulse,
-    equation=measurement_equations.scaled("beat noise, impulse", measurement_equations.damping),
-)
 
 
 @pytest.fixture
@@ -79,6 +88,21 @@ def test_a_number_stands_in_report_terminal_and_window(shots, qtbot):
     compare.which.setCurrentIndex(compare.which.findData("pulse_impulse_n_s"))
     assert [y for _, y in trend_points(compare.trend)] == [_impulse(shot).value for shot in shots]
     assert compare.trend.columns["impulse (N s)"].size == 3
+
+
+@pytest.mark.usefixtures("shots")
+def test_the_pages_equation_scales_as_an_impulse_does(monkeypatch):
+    monkeypatch.setitem(test_equations.POWERS, IMPULSE.key, (1, -1, 1))
+    scales = test_equations.test_every_number_scales_with_its_powers_of_mass_clock_and_length
+    for case in scales.pytestmark[0].args[1]:
+        scales(*case)
+    test_equations.test_a_contradicted_rate_is_in_the_clock_alone_though_every_reading_carries_it()
+
+
+def test_what_the_pages_number_lacks_is_said(shots):
+    impact = replace(shots[0].impact, force_fwhm_s=NotSeen("no pulse"))
+    assert IMPULSE.find(replace(shots[0], impact=impact)) == NotSeen("no pulse")
+    assert IMPULSE.find(replace(shots[0], impact=None, problem="no light")) == NotSeen("no light")
 
 
 def test_every_number_is_declared_once():

@@ -1,9 +1,9 @@
-"""Follow docs/add-a-setting.md: what is declared at a field reaches every file, the sheet and the command line."""
+"""Follow docs/add-a-setting.md with the code there: a declared field reaches every file, the sheet and each command."""
 
 import json
 import pickle
 import time
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -26,8 +26,10 @@ from app.session.settings import FIELDS, Settings
 from app.session.verdict_basis import VerdictBasis
 from app.session.workbench import Workbench
 from app.window.panels.settings_sheet import SettingsSheet
-from levimass.settings import AnalysisSettings, number, setting_of, settings_of
+from levimass import settings as declarations
+from levimass.settings import AnalysisSettings, setting_of, settings_of
 from tests.app import synthetic
+from tests.pages import code_blocks
 
 UNDECLARED = {  # another value for each field that declares none
     "fit": False,
@@ -42,11 +44,15 @@ UNDECLARED = {  # another value for each field that declares none
 }
 
 
-@dataclass(frozen=True, slots=True)
-class WithGain(AnalysisSettings):
-    """The settings and one more, as the page has it."""
+def _as_the_page_has_it():
+    """Return the settings and one more, declared in ``levimass/settings.py`` as on the page."""
+    (field,) = code_blocks("add-a-setting.md")
+    names = vars(declarations) | {"__name__": __name__}
+    exec(f"@dataclass(frozen=True, slots=True)\nclass WithGain(AnalysisSettings):\n    {field}", names)
+    return names["WithGain"]
 
-    gain: float = number(1.0, "Analysis", "Gain", "", 1.0, 0.1, 10.0, "Of nothing", flag="--gain", metavar="G")
+
+WithGain = _as_the_page_has_it()
 
 
 def _other(of):
@@ -88,10 +94,10 @@ def test_what_a_session_holds_that_is_not_known_is_said(tmp_path):
     path = tmp_path / "session.json"
     Session(path).add(replace(synthetic.bare_shot("shot-1"), path="/data/1"))
     document = json.loads(path.read_text())
-    document["shots"][0]["settings"]["gain"] = 2.0
+    document["shots"][0]["settings"]["colour"] = 2.0
     path.write_text(json.dumps(document))
     session = Session.reopen(path)
-    assert len(session.entries) == 1 and "gain" in session.problem
+    assert len(session.entries) == 1 and "colour" in session.problem
 
 
 @pytest.mark.parametrize("kind", [AnalysisSettings, WithGain])
@@ -140,7 +146,7 @@ def test_a_flag_is_parsed_helped_and_bounded_as_it_is_declared(monkeypatch, caps
     monkeypatch.setattr(options, "GROUPS", (more, *(group for group in options.GROUPS if group is not replays)))
     for call in (["--replay", "x"], ["replay", "x"]):
         for setting in options.CHOSEN:
-            value = f"{setting.low + 1.0:g}"
+            value = f"{(setting.low + setting.high) / 2.0:g}"
             found = parser.settings_from(parser.parse([*call, setting.flag, value]))
             assert getattr(found, setting.key) == float(value)
             with pytest.raises(SystemExit):

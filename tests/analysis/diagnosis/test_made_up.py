@@ -1,4 +1,7 @@
-"""An effect that is one function and one row, written here, is simulated, fitted, scored and named like any other."""
+"""An effect that is one function and one row is simulated, fitted, scored and named like any other.
+
+One is that of docs/add-an-effect.md, the others are written here.
+"""
 
 from typing import Any
 
@@ -21,13 +24,9 @@ from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.floor import Floor
 from tests.analysis.collision.simulated import shot
+from tests.pages import effect_of_the_page
 
 SPEEDS = (-0.15, -0.27, -0.40)
-
-
-def cubic_drag(s: Any, p: Any, out: Any) -> None:
-    """Add -c v^3; p = (c in N s^3/m^3).  Made up."""
-    out[ON_BLOCK] -= p[0] * s[V] * s[V] * s[V]
 
 
 def sloshing(s: Any, p: Any, out: Any) -> None:
@@ -44,14 +43,6 @@ def cubic_drift(seen: SensorInput, x: Any, p: Any) -> Any:
     return x + p[0] * seen.time_s[:, None] ** 3
 
 
-CUBIC_DRAG = Effect(
-    "cubic_drag",
-    "a drag that grows with the cube of the speed",
-    Acts.ON_BLOCK,
-    (Parameter("coefficient_n_s3_per_m3", "N s³/m³", 3e-3, lower=0.0),),
-    "coefficient_n_s3_per_m3",
-    cubic_drag,
-)
 SLOSHING = Effect(
     "sloshing",
     "a block with a liquid inside",
@@ -74,7 +65,7 @@ CUBIC_DRIFT = Effect(
 
 
 def test_a_force_is_simulated_fitted_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(CATALOGUE, "cubic_drag", CUBIC_DRAG)
+    monkeypatch.setitem(CATALOGUE, "cubic_drag", effect_of_the_page())
     motions = [shot(PAPER.at_speed(v), effects={"cubic_drag": (3e-3,)}, seed=i) for i, v in enumerate(SPEEDS[::2])]
     fitted = fit_shots(motions, effects=("cubic_drag",)).parameters["cubic_drag.coefficient_n_s3_per_m3"]
     assert abs(fitted.value - 3e-3) < 4 * fitted.std < 1e-5

@@ -79,7 +79,7 @@ def test_every_number_scales_with_its_powers_of_mass_clock_and_length(
     place: int, known: dict[str, float], source: str, relative: float
 ) -> None:
     tables = rows_of(known)
-    assert set(tables) == set(POWERS)
+    assert set(tables) >= set(POWERS)
     for key, powers in POWERS.items():
         found = sum(row.sensitivity * (row.std or 0.0) for row in tables[key].rows if row.source == source)
         # the relative uncertainty is that of mass / value, of the clock and of the length
@@ -130,10 +130,11 @@ def test_a_contradicted_rate_is_in_the_clock_alone_though_every_reading_carries_
     assert plain.impact is not None and plain.fit is not None
     impact, fit = with_rate_error(plain.impact, motion), fit_with_rate_error(plain.fit, motion)
     wrong = budget(replace(plain, motion=motion, impact=impact, fit=fit), InstrumentUncertainty(**QUIET))  # type: ignore[arg-type]
-    for key, table in rows_of({}).items():
+    tables = rows_of({})
+    for key in POWERS:
         found = wrong.of(key)
         assert found is not None
-        assert found.std_a == pytest.approx(table.std_a, rel=1e-2), key
+        assert found.std_a == pytest.approx(tables[key].std_a, rel=1e-2), key
         own = sum(row.contribution for row in found.rows if row.source == "timebase")
         assert own == pytest.approx(abs(1e-3 * POWERS[key][1] * found.value), rel=1e-6, abs=1e-12), key
 

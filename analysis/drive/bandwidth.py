@@ -1,6 +1,7 @@
 """Choose the bandwidth in which force and motion of a driven record are compared, from the record itself."""
 
 import itertools
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -29,7 +30,7 @@ def bandwidth_of(motion: Motion) -> float:
     )
     place, force = motion.displacement_m[start:stop], motion.force_n[start:stop]
     if place.size < MIN_FILTERS / MAX_BANDWIDTH_SHARE:
-        least = round(MIN_FILTERS / MAX_BANDWIDTH_SHARE)
+        least = math.ceil(MIN_FILTERS / MAX_BANDWIDTH_SHARE)
         raise AnalysisError(f"{place.size} samples without a gap are too short to fit a slider (at least {least})")
     noise_m = float(np.nanmedian(motion.displacement_std_m))
     if float(np.ptp(place)) < 20.0 * noise_m:

@@ -1,5 +1,6 @@
 """The band in which force and motion of a drive are compared."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -78,8 +79,8 @@ def test_a_record_without_motion_or_too_short_is_refused_and_one_just_beyond_is_
         else:
             with pytest.raises(AnalysisError, match="no motion"):
                 bandwidth_of(little)
-    least = round(60.0 / MAX_BANDWIDTH_SHARE)
-    for size, lasts in ((least - 1, False), (least + 1, True)):
+    least = math.ceil(60.0 / MAX_BANDWIDTH_SHARE)
+    for size, lasts in ((least - 1, False), (least, True)):
         short = replace(motion, force_n=np.where(np.arange(motion.force_n.size) < size, motion.force_n, np.nan))
         if lasts:
             assert bandwidth_of(short) == pytest.approx(MAX_BANDWIDTH_SHARE * RATE_HZ, rel=0.01)

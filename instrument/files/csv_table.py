@@ -1,6 +1,7 @@
 """Read text tables of oscilloscopes and data loggers: a few header lines, then one row per sample."""
 
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import StringIO
@@ -24,10 +25,12 @@ from instrument.files.text_file import open_regular
 _LARGEST_BYTES = 2 * 2**30
 _HEADER_BYTES, _HEADER_LINES = 2**18, 200  # the first row must begin within these
 _ROWS = 2**19  # rows read at once
+_DELIMITERS = (";", "\t", ",", " ")
 _TIME_NAME = re.compile(r"(time|zeit|t|seconds?)\b", re.IGNORECASE)
 _TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9}
 _TIME_SUFFIX = re.compile(r"(?:time|zeit|t)_([mun\u00b5\u03bc]?s)$", re.IGNORECASE)
 _NUMBER = re.compile(r"[+-]?((\d+[.,]?\d*|[.,]\d+)(e[+-]?\d+)?|nan|inf)", re.IGNORECASE)
+_UNIT_CELL = re.compile(r"[\[(].{1,12}[\])]|\S{0,3}")
 _UNIT = re.compile(r"^(.*?)\s*[\[(]([^\])]{1,12})[\])]$")
 
 
@@ -117,48 +120,69 @@ def _even_rate(path: Path, layout: _Layout, time: NDArray[np.float64]) -> float:
 
 def _layout(path: Path) -> _Layout:
     lines = _beginning(path)
-    best: tuple[int, str, int] | None = None
-    for delimiter in (";", "\t", ",", " "):
-        odd = False  # True after a lone row of numbers in the header (a count of samples), until the next text line
-        for index, line in enumerate(lines):
-            cells = _cells(line, delimiter)
-            if not cells or not all(_is_number(cell) for cell in cells):
-                odd = False
-            elif not odd:
-                following = _cells(lines[index + 1], delimiter) if index + 1 < len(lines) else cells
-                odd = len(following) != len(cells) or not any(_is_number(cell) for cell in following)
-                if not odd:
-                    best = max(best or (0, "", 0), (len(cells), delimiter, index), key=lambda found: found[0])
-                    break
-    if best is None:
+    found = {delimiter: row for delimiter in _DELIMITERS if (row := _first_row(lines, delimiter)) is not None}
+    if not found:
         raise RecordingError(path, f"no row of numbers in its first {len(lines)} lines" if lines else "file is empty")
-    width, delimiter, first = best
+    delimiter = max(found, key=lambda one: found[one][0])  # the one that makes most columns
+    width, first = found[delimiter]
     comma = delimiter != "," and any("," in line for line in lines[first:])  # any row, as the first may be all zeros
-    above = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) == width]
-    step_s = None
-    if not above:  # oscilloscopes write "X,CH1,CH2,Start,Increment" above rows of three
-        wider = [cells for line in lines[:first] if len(cells := _cells(line, delimiter)) > width]
-        step_s = _stated_step(wider)
-        above = [cells[:width] for cells in wider if not any(_is_number(cell) for cell in cells[:width])]
-        above = above[:1]
-    units = [""] * width
-    if len(above) > 1 and all(re.fullmatch(r"[\[(].{1,12}[\])]|\S{0,3}", cell) for cell in above[-1]):
-        units = [cell.strip("()[]") for cell in above.pop()]
-    names = above[-1] if above else [f"column {n + 1}" for n in range(width)]
-    for index, name in enumerate(names):
-        if (match := _UNIT.match(name)) and not units[index]:
-            names[index], units[index] = match[1] or name, match[2]
-        elif (match := _TIME_SUFFIX.match(name)) and not units[index]:
-            units[index] = match[1]
-    names = [one_line(name, 60) or f"column {n + 1}" for n, name in enumerate(names)]
-    seen: dict[str, int] = {}
-    for index, name in enumerate(names):
-        seen[name] = seen.get(name, 0) + 1
-        if seen[name] > 1:
-            names[index] = f"{name} ({seen[name]})"
+    above, step_s = _above([_cells(line, delimiter) for line in lines[:first]], width)
+    names, units = _names_and_units(above, width)
     times = [n for n, name in enumerate(names) if _TIME_NAME.match(name) or units[n] in _TIME_UNITS]
     time = times[0] if times and width > 1 else None
     return _Layout(delimiter, comma, first, tuple(names), tuple(units), time, step_s)
+
+
+def _first_row(lines: Sequence[str], delimiter: str) -> tuple[int, int] | None:
+    """Return the number of cells and the index of the first row of numbers, or None."""
+    odd = False  # True after a lone row of numbers in the header (a count of samples), until the next text line
+    for index, line in enumerate(lines):
+        cells = _cells(line, delimiter)
+        if not cells or not all(map(_is_number, cells)):
+            odd = False
+        elif not odd:
+            following = _cells(lines[index + 1], delimiter) if index + 1 < len(lines) else cells
+            odd = len(following) != len(cells) or not any(map(_is_number, following))
+            if not odd:
+                return len(cells), index
+    return None
+
+
+def _above(header: Sequence[list[str]], width: int) -> tuple[list[list[str]], float | None]:
+    """Return the header lines that have a cell above each column, and the time step in s if the header states it."""
+    if above := [cells for cells in header if len(cells) == width]:
+        return above, None
+    # oscilloscopes write "X,CH1,CH2,Start,Increment" above rows of three
+    wider = [cells for cells in header if len(cells) > width]
+    named = [cells[:width] for cells in wider if not any(map(_is_number, cells[:width]))]
+    return named[:1], _stated_step(wider)
+
+
+def _names_and_units(above: Sequence[Sequence[str]], width: int) -> tuple[list[str], list[str]]:
+    """Return name and unit ("": none) of each column from the header lines above it, of which the last may be units."""
+    heads = above[-1] if above else [""] * width
+    units = [""] * width
+    if len(above) > 1 and all(map(_UNIT_CELL.fullmatch, heads)):
+        heads, units = above[-2], [cell.strip("()[]") for cell in heads]
+    split = [(head, unit) if unit else _name_and_unit(head) for head, unit in zip(heads, units, strict=True)]
+    names = [one_line(name, 60) or f"column {n}" for n, (name, _) in enumerate(split, 1)]
+    return list(_distinct(names)), [unit for _, unit in split]
+
+
+def _name_and_unit(head: str) -> tuple[str, str]:
+    """Split "force [N]"; of "time_ms" return all and the unit; the unit is "" if none is stated."""
+    if match := _UNIT.match(head):
+        return match[1] or head, match[2]
+    match = _TIME_SUFFIX.match(head)
+    return head, match[1] if match else ""
+
+
+def _distinct(names: Sequence[str]) -> Iterator[str]:
+    """Yield the names, each repetition with its number."""
+    seen = Counter[str]()
+    for name in names:
+        seen[name] += 1
+        yield f"{name} ({seen[name]})" if seen[name] > 1 else name
 
 
 def _stated_step(header: Sequence[Sequence[str]]) -> float | None:

@@ -1,7 +1,8 @@
 """``levimass --replay``: analyse and diagnose recordings, plan next shots, write results and reports."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -63,6 +64,18 @@ class PlannedShots:
     result: dict[str, Any] | None
 
 
+@dataclass(frozen=True, slots=True)
+class _Results:
+    """All that is written; ``tried`` are effects in the model that no diagnosis found."""
+
+    shots: Sequence[Shot]
+    diagnosis: Diagnosis | None
+    prediction: PredictionTest | None
+    planned: PlannedShots | None
+    tried: Sequence[Effect]
+    failed: bool  # a part that was asked for is missing
+
+
 def replay(
     paths: Sequence[Path],
     request: ReplayRequest,
@@ -90,21 +103,35 @@ def replay(
         shot = load_and_analyse(path, known.base if known else model, settings=settings, checked=checked)
         say_problem(shot)
         shots.append(shot)
-    diagnosis, failed = _diagnosis(shots, laws, settings.diagnosis_seconds) if request.diagnosis else (None, False)
-    if diagnosis is not None and is_drive(diagnosis.fit_after.model):  # a drive's shots are refitted individually
-        shots = [fit_shot(shot, diagnosis.fit_after.effects) for shot in shots]
-    elif diagnosis is not None and diagnosis.verdict is Verdict.EFFECT_FOUND:
-        shots = read_together(shots, diagnosis.fit_after)
+    results = _results(shots, request, laws, known, settings.diagnosis_seconds)
+    ok = _write(outputs, results) and not results.failed
+    if known is not None and results.diagnosis is not None:
+        _say_drift(known, results.diagnosis)
+    if outputs.model is not None:
+        ok &= _save_model(outputs.model, results)
+    return 0 if ok and shots and not any(shot.problem or shot.fit_problem for shot in results.shots) else 1
+
+
+def _results(
+    shots: Sequence[Shot], request: ReplayRequest, laws: Sequence[Effect], known: SavedModel | None, seconds: float
+) -> _Results:
+    """Carry out the request on analysed shots, the diagnosis within ``seconds``."""
+    diagnosis, failed = _diagnosis(shots, laws, seconds) if request.diagnosis else (None, False)
+    shots = _with_found(shots, diagnosis)
     prediction = _prediction(shots, known) if request.test_model and known is not None else None
     planned = plan_shots(shots, diagnosis, request.plan, request.reach) if request.plan is not None else None
-    tried = known.tried if known is not None else ()  # effects in the model that no diagnosis found
-    ok = _write(outputs, shots, diagnosis, prediction, planned, tried) and not failed
-    ok &= (prediction is not None or not request.test_model) and (planned is not None or request.plan is None)
-    if known is not None and diagnosis is not None:
-        _say_drift(known, diagnosis)
-    if outputs.model is not None:
-        ok &= _save_model(outputs.model, shots, diagnosis, tried)
-    return 0 if ok and shots and not any(shot.problem or shot.fit_problem for shot in shots) else 1
+    failed |= request.test_model and prediction is None
+    failed |= request.plan is not None and planned is None
+    return _Results(shots, diagnosis, prediction, planned, known.tried if known is not None else (), failed)
+
+
+def _with_found(shots: Sequence[Shot], diagnosis: Diagnosis | None) -> Sequence[Shot]:
+    """Return the shots with the effects found in their model."""
+    if diagnosis is None:
+        return shots
+    if is_drive(diagnosis.fit_after.model):  # a drive's shots are refitted individually
+        return [fit_shot(shot, diagnosis.fit_after.effects) for shot in shots]
+    return read_together(shots, diagnosis.fit_after) if diagnosis.verdict is Verdict.EFFECT_FOUND else shots
 
 
 def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) -> tuple[Diagnosis | None, bool]:
@@ -156,64 +183,72 @@ def _say_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
             say(f"{name} deviates by {deviation:+.1f} σ from the model file")
 
 
-def _save_model(path: Path, shots: Sequence[Shot], diagnosis: Diagnosis | None, tried: Sequence[Effect]) -> bool:
+def _save_model(path: Path, results: _Results) -> bool:
+    diagnosis = results.diagnosis
     if diagnosis is None or not diagnosis.fit_after.converged:
         say(f"{path}: no model to save without a diagnosis whose fit converged")
         return False
     try:
-        write_model(path, diagnosis.fit_after, shots, diagnosis, tried)
+        write_model(path, diagnosis.fit_after, results.shots, diagnosis, results.tried)
     except RecordingError as error:
         say(error)
         return False
     return True
 
 
-def _write(
-    outputs: Outputs,
-    shots: Sequence[Shot],
-    diagnosis: Diagnosis | None,
-    prediction: PredictionTest | None,
-    planned: PlannedShots | None,
-    tried: Sequence[Effect],
-) -> bool:
+def _write(outputs: Outputs, results: _Results) -> bool:
     """Write all outputs; a failed one is reported in one line and does not stop the others."""
     texts: list[str] = []
-
-    def make_text() -> None:
-        next_shots = {"next_shots": planned.result} if planned is not None else {}
-        texts.append(json_text(result(shots, diagnosis, prediction) | next_shots))
-
-    def write_report(path: Path) -> None:
-        words = planned.words if planned is not None else ""
-        page = report_of(shots, diagnosis, prediction=prediction, tried=tried, next_shots=words)
-        write_text_atomic(path, page, sync=True)
-
-    ok = _written(make_text, "the result") if outputs.json else True
-    if (folder := outputs.export) is not None:
-        ok &= _written(lambda: export(shots, folder), folder)
-        if diagnosis is not None:
-            ok &= _written(lambda: export_laws(diagnosis, folder), folder)
-        if prediction is not None:
-            ok &= _written(lambda: export_prediction(prediction, folder), folder)
-        if outputs.hdf5:
-            ok &= _written(lambda: export_hdf5(shots, folder), folder)
-    if (report := outputs.report) is not None:
-        ok &= _written(lambda: write_report(report), report)
+    ok = _written(lambda: texts.append(_json_text(results)), "the result") if outputs.json else True
+    for write, where in _files(outputs, results):
+        ok &= _written(write, where)
     if outputs.json == "-":
         print("".join(texts), end="")
         return ok
     if (name := outputs.json) and texts:
         ok &= _written(lambda: write_json(texts[0], name), name)
-    for shot in shots:
+    _print_summary(results)
+    return ok
+
+
+def _json_text(results: _Results) -> str:
+    next_shots = {"next_shots": results.planned.result} if results.planned is not None else {}
+    return json_text(result(results.shots, results.diagnosis, results.prediction) | next_shots)
+
+
+def _files(outputs: Outputs, results: _Results) -> Iterator[tuple[Callable[[], object], Path]]:
+    """Yield, for each part of the export and for the report, what writes it and where."""
+    shots, diagnosis, prediction = results.shots, results.diagnosis, results.prediction
+    if (folder := outputs.export) is not None:
+        yield partial(export, shots, folder), folder
+        if diagnosis is not None:
+            yield partial(export_laws, diagnosis, folder), folder
+        if prediction is not None:
+            yield partial(export_prediction, prediction, folder), folder
+        if outputs.hdf5:
+            yield partial(export_hdf5, shots, folder), folder
+    if outputs.report is not None:
+        yield partial(_write_report, outputs.report, results), outputs.report
+
+
+def _write_report(path: Path, results: _Results) -> None:
+    words = results.planned.words if results.planned is not None else ""
+    page = report_of(
+        results.shots, results.diagnosis, prediction=results.prediction, tried=results.tried, next_shots=words
+    )
+    write_text_atomic(path, page, sync=True)
+
+
+def _print_summary(results: _Results) -> None:
+    for shot in results.shots:
         if not shot.problem or shot.impact is not None:  # else the problem is already on standard error
             print(summary(shot))
-    if diagnosis is not None:
-        print(f"diagnosis: {diagnosis.verdict.value}: {diagnosis.sentence}")
-    if prediction is not None:
-        print(prediction_words(prediction))
-    if planned is not None:
-        print(f"next: {planned.words}")
-    return ok
+    if results.diagnosis is not None:
+        print(f"diagnosis: {results.diagnosis.verdict.value}: {results.diagnosis.sentence}")
+    if results.prediction is not None:
+        print(prediction_words(results.prediction))
+    if results.planned is not None:
+        print(f"next: {results.planned.words}")
 
 
 def _written(write: Callable[[], object], where: object) -> bool:

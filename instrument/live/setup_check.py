@@ -124,43 +124,58 @@ def try_signals(
     channels, bits = able.channels, able.bits
     column = next((n for n, channel in enumerate(channels) if channel.role is Role.SWITCH), None)
     switch = LightSwitch(TriggerSettings(), column, bits) if column is not None else None
-    buffer = np.empty((_BLOCK, len(channels)), np.int16)
-    newest = np.empty((0, len(channels)), np.int16)
-    before: deque[NDArray[np.int16]] = deque(maxlen=_EARLIER_LOOKS)
     digitizer.arm(settings)
     try:
-        wait_s = TRIGGER_WAIT_S if able.hardware_trigger else SIMULATED_ANSWER_S if able.simulated else seconds
-        end = clock() + wait_s
-        look_at = clock()
-        ended = False
-        while clock() < end and not ended:
-            block = digitizer.read_into(buffer, _TIMEOUT_S)
-            part = buffer[: block.samples]
-            ended = block.ended
-            if len(part) and not newest.size and not able.hardware_trigger:
-                end = clock() + seconds
-            if switch is not None:
-                switch.first_step(part)
-            newest = np.concatenate((newest, part))[-CHECKED_SAMPLES:]
-            if clock() >= look_at and len(newest) == CHECKED_SAMPLES:
-                before.appendleft(newest)
-                look_at = clock() + seconds / (_EARLIER_LOOKS + 1)
+        looks = _looks(digitizer, switch, seconds, clock)
     finally:
         digitizer.stop()
-    if newest.shape[0] < CHECKED_SAMPLES // 16:
-        waited = "before its trigger" if able.hardware_trigger else f"in {wait_s:g} s"
-        raise DigitizerError(f"{able.name} sent no samples {waited}", "fire its trigger, and check its cables")
     rate_hz, rest_hz = settings.sample_rate_hz, digitizer.setup.rest_frequency_hz
     toggles = switch.toggles if switch is not None else 0
     judged = (
-        judge(check_signals(look, channels, rate_hz, bits), channels, bits, rate_hz, toggles, rest_hz)
-        for look in (newest, *before)
+        judge(check_signals(look, channels, rate_hz, bits), channels, bits, rate_hz, toggles, rest_hz) for look in looks
     )
     latest = next(judged)
-    if all(check.grade is Grade.OK for check in latest) or any(check.grade is Grade.FAIL for check in latest):
+    if _all_ok(latest) or any(check.grade is Grade.FAIL for check in latest):
         return latest
     # a block passing the switch is not at rest: use an earlier measurement at rest
-    return next((checks for checks in judged if all(check.grade is Grade.OK for check in checks)), latest)
+    return next(filter(_all_ok, judged), latest)
+
+
+def _all_ok(checks: Sequence[Check]) -> bool:
+    return all(check.grade is Grade.OK for check in checks)
+
+
+def _looks(
+    digitizer: Digitizer, switch: LightSwitch | None, seconds: float, clock: Callable[[], float]
+) -> list[NDArray[np.int16]]:
+    """Return the last counts of an armed digitizer and some from earlier, the newest first, each (n, channels).
+
+    ``switch`` counts its changes in all samples.  Raises DigitizerError if too few samples come.
+    """
+    able = digitizer.capabilities
+    buffer = np.empty((_BLOCK, len(able.channels)), np.int16)
+    newest = np.empty((0, len(able.channels)), np.int16)
+    before: deque[NDArray[np.int16]] = deque(maxlen=_EARLIER_LOOKS)
+    wait_s = TRIGGER_WAIT_S if able.hardware_trigger else SIMULATED_ANSWER_S if able.simulated else seconds
+    end = clock() + wait_s
+    look_at = clock()
+    ended = False
+    while clock() < end and not ended:
+        block = digitizer.read_into(buffer, _TIMEOUT_S)
+        part = buffer[: block.samples]
+        ended = block.ended
+        if len(part) and not newest.size and not able.hardware_trigger:
+            end = clock() + seconds
+        if switch is not None:
+            switch.first_step(part)
+        newest = np.concatenate((newest, part))[-CHECKED_SAMPLES:]
+        if clock() >= look_at and len(newest) == CHECKED_SAMPLES:
+            before.appendleft(newest)
+            look_at = clock() + seconds / (_EARLIER_LOOKS + 1)
+    if newest.shape[0] < CHECKED_SAMPLES // 16:
+        waited = "before its trigger" if able.hardware_trigger else f"in {wait_s:g} s"
+        raise DigitizerError(f"{able.name} sent no samples {waited}", "fire its trigger, and check its cables")
+    return [newest, *before]
 
 
 CHECKED_SAMPLES = 8192

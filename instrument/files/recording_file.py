@@ -53,46 +53,39 @@ def read_without_hash(path: Path | str) -> tuple[Recording, str | None]:
     meta, data = recording_files(path)
     metadata = read_metadata(meta)
     counts, left_over = _samples(data, len(metadata.channels))
-    sha512 = metadata.sha512
     samples = counts.shape[0]
-    declared, at_least = metadata.declared_samples, metadata.at_least_samples
-    flags = []
-    if sha512 is None:
-        flags.append("interrupted")
-    if left_over or samples < at_least or (declared is not None and samples < declared):
-        flags.append("truncated")
-        sha512 = None
-    elif declared is not None and samples > declared:
-        flags.append("longer_than_declared")
-        sha512 = None
+    declared = metadata.declared_samples if metadata.declared_samples is not None else samples
+    truncated = left_over > 0 or samples < max(declared, metadata.at_least_samples)
+    longer = samples > declared and not truncated
     trigger = metadata.trigger_sample
-    if trigger is not None and trigger >= samples:
-        trigger = None
-        flags.append("trigger_lost")
+    trigger_lost = trigger is not None and trigger >= samples
     gaps = tuple(gap for gap in metadata.gaps if gap.sample_start < samples)
-    if gaps:
-        flags.append("gap")
-    if ENDED_EARLY in metadata.extra.get("global", {}):
-        flags.append("cut_short")
-    if DELIVERED_KEY in metadata.extra.get("global", {}):
-        flags.append(RATE_CONTRADICTED)
-    if _clipped(counts, metadata):
-        flags.append("clipped")
+    stated = metadata.extra.get("global", {})
+    flags = {
+        "interrupted": metadata.sha512 is None,
+        "truncated": truncated,
+        "longer_than_declared": longer,
+        "trigger_lost": trigger_lost,
+        "gap": bool(gaps),
+        "cut_short": ENDED_EARLY in stated,
+        RATE_CONTRADICTED: DELIVERED_KEY in stated,
+        "clipped": _clipped(counts, metadata),
+    }
     recording = Recording(
         name=meta.name.removesuffix(".sigmf-meta"),
         counts=counts,
         sample_rate_hz=metadata.sample_rate_hz,
         channels=metadata.channels,
         setup=metadata.setup,
-        trigger_sample=trigger,
+        trigger_sample=None if trigger_lost else trigger,
         gaps=gaps,
         started_at=metadata.started_at,
         note=metadata.note,
-        flags=tuple(flags),
+        flags=tuple(flag for flag, applies in flags.items() if applies),
         path=str(meta),
         extra=metadata.extra,
     )
-    return recording, sha512
+    return recording, None if truncated or longer else metadata.sha512
 
 
 def hash_matches(recording: Recording, sha512: str, cancelled: Callable[[], bool] = lambda: False) -> bool:

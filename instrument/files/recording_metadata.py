@@ -1,6 +1,6 @@
 """Read and write the SigMF metadata of a recording; unknown keys of other programs are preserved."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -89,22 +89,28 @@ def _channels(head: CheckedTable) -> tuple[tuple[Channel, ...], list[dict[str, A
     count = head.whole("core:num_channels", 1, _MAX_CHANNELS)
     if count is not None and count != len(listed):
         raise head.error_for("core:num_channels", f"{count}, but lmm:channels lists {len(listed)}")
-    channels: list[Channel] = []
+    channels: dict[Role, Channel] = {}
     for item in listed:
-        name = item.text("role")
-        if name not in tuple(Role):
-            raise item.error_for("role", "missing" if name is None else f"{shown(name)} is none of {', '.join(Role)}")
-        role = Role(name)
-        if any(channel.role is role for channel in channels):
-            raise item.error_for("role", f"a second {role} channel")
-        scale = item.required("volts_per_count", -1e6, 1e6)
-        if abs(scale) < 1e-30:
-            raise item.error_for("volts_per_count", "zero")
-        channels.append(Channel(role, scale, item.number("offset_v", -1e9, 1e9) or 0.0))
-    if not any(channel.role is Role.MEASUREMENT for channel in channels):
+        channel = _channel(item, channels)
+        channels[channel.role] = channel
+    if Role.MEASUREMENT not in channels:
         raise head.error_for("lmm:channels", "no channel has the role 'measurement'")
     foreign = [item.unread() for item in listed]
-    return tuple(channels), foreign if any(foreign) else []
+    return tuple(channels.values()), foreign if any(foreign) else []
+
+
+def _channel(item: CheckedTable, before: Collection[Role]) -> Channel:
+    """Return one channel, whose role must be none of those ``before``.  Raises RecordingError."""
+    name = item.text("role")
+    if name not in tuple(Role):
+        raise item.error_for("role", "missing" if name is None else f"{shown(name)} is none of {', '.join(Role)}")
+    role = Role(name)
+    if role in before:
+        raise item.error_for("role", f"a second {role} channel")
+    scale = item.required("volts_per_count", -1e6, 1e6)
+    if abs(scale) < 1e-30:
+        raise item.error_for("volts_per_count", "zero")
+    return Channel(role, scale, item.number("offset_v", -1e9, 1e9) or 0.0)
 
 
 def setup_of(item: CheckedTable) -> Setup:
@@ -195,18 +201,22 @@ def metadata_json(metadata: Metadata) -> dict[str, Any]:
         ],
         "lmm:setup": setup_json(metadata.setup),
     }
-    for key, value in (
-        ("core:sha512", metadata.sha512),
-        ("lmm:trigger_sample", metadata.trigger_sample),
-        ("lmm:samples", metadata.declared_samples),
-    ):
-        if value is not None:
-            head[key] = value
+    optional = {
+        "core:sha512": metadata.sha512,
+        "lmm:trigger_sample": metadata.trigger_sample,
+        "lmm:samples": metadata.declared_samples,
+    }
+    head |= {key: value for key, value in optional.items() if value is not None}
     segments = [dict(segment) for segment in extra.get("captures", ())] or [{}]
     segments[0]["core:sample_start"] = 0
     if metadata.started_at is not None:
         segments[0]["core:datetime"] = metadata.started_at
-    annotations = [dict(item) for item in extra.get("annotations", ())]
+    return {**extra.get("top", {}), "global": head, "captures": segments, "annotations": _annotations_json(metadata)}
+
+
+def _annotations_json(metadata: Metadata) -> list[dict[str, Any]]:
+    """Return the unknown annotations, the gaps and the note, in the order that SigMF requires."""
+    annotations = [dict(item) for item in metadata.extra.get("annotations", ())]
     for gap in metadata.gaps:
         item: dict[str, Any] = {"core:sample_start": gap.sample_start, "core:label": "gap"}
         if gap.samples_lost is not None:
@@ -217,8 +227,7 @@ def metadata_json(metadata: Metadata) -> dict[str, Any]:
         if metadata.declared_samples:
             item["core:sample_count"] = metadata.declared_samples
         annotations.append(item)
-    annotations.sort(key=lambda a: a.get("core:sample_start") or 0)  # SigMF requires this order
-    return {**extra.get("top", {}), "global": head, "captures": segments, "annotations": annotations}
+    return sorted(annotations, key=lambda a: a.get("core:sample_start") or 0)
 
 
 def setup_json(setup: Setup) -> dict[str, Any]:

@@ -239,17 +239,25 @@ class CaptureThread:
             self._look_for_trigger(block)
         elif state is State.TRIGGERED:
             assert self.shot is not None
-            if block.lost_before != 0:
-                self.shot.lost(block.lost_before)
-            if block.step is not None and self.run.hardware_trigger:
-                self.shot.trigger_sample = self.shot.filled + block.step
-            self.shot.append(block.counts)
+            self._append(self.shot, block)
         state = self.machine.status.state
         if state is State.TRIGGERED and self.shot is not None and (self.shot.room == 0 or block.ended):
             self._do(self.machine.handle(Event.COMPLETE))
-        elif block.ended and self.shot is None and state in (State.ARMED, State.TRIGGERED) and not self.closing:
-            if state is State.TRIGGERED:
-                raise DigitizerError("the light switch fired, but no sample of the shot came", "arm again")
+        elif block.ended and self.shot is None and not self.closing:
+            self._refuse_early_end(state)
+
+    def _append(self, shot: GrowingShot, block: ReadBlock) -> None:
+        if block.lost_before != 0:
+            shot.lost(block.lost_before)
+        if block.step is not None and self.run.hardware_trigger:
+            shot.trigger_sample = shot.filled + block.step
+        shot.append(block.counts)
+
+    def _refuse_early_end(self, state: State) -> None:
+        """Raise DigitizerError if a stream that ended without a shot should have brought one."""
+        if state is State.TRIGGERED:
+            raise DigitizerError("the light switch fired, but no sample of the shot came", "arm again")
+        if state is State.ARMED:
             never = self.run.why_no_step()
             what = "the stream ended before the light switch fired" + (f": {never}" if never else "")
             raise DigitizerError(what, "check it and its thresholds")

@@ -171,13 +171,17 @@ class StreamReader:
             self._delivered.add(block.samples, block.lost_before, now, waits=block.samples == len(view))
             stream.doubtful_rate_hz = self._delivered.doubtful_hz
         counts = view[: block.samples]
-        trigger = self._switch or self._motion
-        step = trigger.first_step(counts) if trigger is not None else None
-        if block.trigger_sample is not None or self.hardware_trigger:
-            step = block.trigger_sample
+        step = self._step(block, counts)
         if block.ended:
             self.running = False
         return ReadBlock(counts, first, block.lost_before, step, block.ended)
+
+    def _step(self, block: Block, counts: NDArray[np.int16]) -> int | None:
+        """Return the trigger's index in the counts: by the device if it has a trigger, else by switch or motion."""
+        trigger = self._switch or self._motion
+        step = trigger.first_step(counts) if trigger is not None else None  # asked of all counts, as it keeps track
+        by_device = block.trigger_sample is not None or self.hardware_trigger
+        return block.trigger_sample if by_device else step
 
     def why_no_step(self) -> str:
         """Return why the light switch has not stepped so far; "" if it has, or if there is none."""

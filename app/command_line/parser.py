@@ -1,10 +1,22 @@
 """Parse the command line, either a command with its options or only options; refuse invalid combinations."""
 
 import argparse
+from collections.abc import Iterator
 from dataclasses import replace
+from itertools import chain
 
 from app.command_line import options as declared
-from app.command_line.options import COMMANDS, MODELS, PLAN, WINDOW, Version, commands_of, help_in, is_model_file
+from app.command_line.options import (
+    COMMANDS,
+    MODELS,
+    PLAN,
+    WINDOW,
+    Option,
+    Version,
+    commands_of,
+    help_in,
+    is_model_file,
+)
 from levimass import AnalysisSettings
 
 
@@ -36,13 +48,24 @@ def command_parser(name: str) -> argparse.ArgumentParser:
     if command is not None and command.parse is not None:
         more = {key: value for key, value in command.more.items() if key != "const"}
         replace(command, help="", more=more).add(parser, command.key)
-    excluded = {other for one, others, _ in declared.EXCLUDED for other in others if one == name}
-    excluded |= {one for one, needed in declared.NEEDED if excluded.issuperset(needed)}
+    excluded = _excluded_by(name)
+    for option, commands in _options():
+        if (command.key if command else name) in commands and option.key not in excluded:
+            replace(option, help=help_in(name, option)).add(parser)
+    return parser
+
+
+def _excluded_by(name: str) -> set[str]:
+    """Return the options that a command excludes, with those for which everything they need is excluded."""
+    excluded = {other for one, others, _ in declared.EXCLUDED if one == name for other in others}
+    return excluded | {one for one, needed in declared.NEEDED if excluded.issuperset(needed)}
+
+
+def _options() -> Iterator[tuple[Option, tuple[str, ...]]]:
+    """Yield each declared option and the commands that it goes with."""
     for group in declared.GROUPS:
         for option in group.options:
-            if (command.key if command else name) in commands_of(group, option) and option.key not in excluded:
-                replace(option, help=help_in(name, option)).add(parser)
-    return parser
+            yield option, commands_of(group, option)
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
@@ -82,39 +105,47 @@ def _check(parser: argparse.ArgumentParser, options: argparse.Namespace) -> None
     """End with a usage error if an option does not apply to this command or excludes another."""
     command, usual = command_of(options), flat_parser().parse_args([])
     given = {name for name, value in vars(options).items() if value != getattr(usual, name)}
-    for group in declared.GROUPS:
-        for option in group.options:
-            known = commands_of(group, option)
-            if option.key in given and command not in known:
-                parser.error(f"{option.flag} goes with {', '.join(f'--{name}' for name in known if name != WINDOW)}")
+    problem = next(chain(_misplaced(given, command), _ill_combined(given), _wrong_values(options, command)), None)
+    if problem is not None:
+        parser.error(problem)
+
+
+def _misplaced(given: set[str], command: str) -> Iterator[str]:
+    for option, known in _options():
+        if option.key in given and command not in known:
+            yield f"{option.flag} goes with {', '.join(f'--{name}' for name in known if name != WINDOW)}"
+
+
+def _ill_combined(given: set[str]) -> Iterator[str]:
     for name, others, why in declared.EXCLUDED:
         if name in given and given & set(others):
-            parser.error(why)
+            yield why
     for name, others in declared.NEEDED:
         if name in given and not given & set(others):
-            parser.error(f"{_flag(name)} goes with {' or '.join(map(_flag, others))}")
+            yield f"{_flag(name)} goes with {' or '.join(map(_flag, others))}"
+
+
+def _wrong_values(options: argparse.Namespace, command: str) -> Iterator[str]:
     if command == "acquire" and options.json is not None and options.resolve is None:
-        parser.error("--json goes with --acquire only together with --resolve")
+        yield "--json goes with --acquire only together with --resolve"
     if options.model is not None and options.model not in MODELS and not is_model_file(options.model):
-        parser.error(f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}")
+        yield f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}"
     if options.foretell and (options.model is None or not is_model_file(options.model)):
-        parser.error("--foretell goes with --model FILE: it tests that file's model")
+        yield "--foretell goes with --model FILE: it tests that file's model"
     if options.site is not None:
-        _check_site(parser, options, command)
+        yield from _wrong_site(options, command)
 
 
-def _check_site(parser: argparse.ArgumentParser, options: argparse.Namespace, command: str) -> None:
+def _wrong_site(options: argparse.Namespace, command: str) -> Iterator[str]:
     from instrument.bench import site_named
     from instrument.devices import is_bench
 
     if command == "acquire" and not is_bench(options.source):
-        parser.error(
-            "--site applies only to the simulated bench: with --simulate, with --acquire --source bench, or alone"
-        )
+        yield "--site applies only to the simulated bench: with --simulate, with --acquire --source bench, or alone"
     try:
         site_named(options.site)
     except ValueError as error:
-        parser.error(f"--site: {error}")
+        yield f"--site: {error}"
 
 
 def _flag(name: str) -> str:

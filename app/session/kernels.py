@@ -94,14 +94,10 @@ def prepare(
     stages = list(dict.fromkeys(piece.stage for piece in pieces))
     try:
         while waiting or running:
-            for piece in list(waiting):
-                if len(running) < width and piece.after not in {other.name for other in (*waiting, *running)}:
-                    waiting.remove(piece)
-                    running[piece] = _started(piece)
-            for piece in [piece for piece, process in running.items() if not process.is_alive()]:
-                succeeded &= running.pop(piece).exitcode == 0
+            _start_next(waiting, running, width)
+            succeeded &= _remove_ended(running)
             left = [*running, *waiting]
-            while stages and not any(piece.stage is stages[0] for piece in left):
+            while stages and stages[0] not in {piece.stage for piece in left}:
                 if succeeded:
                     mark_complete(stages[0])
                 ready(stages.pop(0))
@@ -134,6 +130,20 @@ def _mark(stage: Stage) -> str:
         return (cache_folder() / stage).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return ""
+
+
+def _start_next(waiting: list[Piece], running: dict[Piece, SpawnProcess], width: int) -> None:
+    """Start the waiting pieces whose turn it is, up to ``width`` at once."""
+    for piece in list(waiting):
+        if len(running) < width and piece.after not in {other.name for other in (*waiting, *running)}:
+            waiting.remove(piece)
+            running[piece] = _started(piece)
+
+
+def _remove_ended(running: dict[Piece, SpawnProcess]) -> bool:
+    """Remove the processes that have ended; return whether all of them succeeded."""
+    ended = [piece for piece, process in running.items() if not process.is_alive()]
+    return all([running.pop(piece).exitcode == 0 for piece in ended])  # a list, so that all are removed
 
 
 def _started(piece: Piece) -> SpawnProcess:

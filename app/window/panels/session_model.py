@@ -283,18 +283,11 @@ class SessionModel(QAbstractTableModel):
         entry, column = self.rows[index.row()], index.column()
         if isinstance(entry, str):
             return _heading(entry, column, role)
-        if role == Qt.ItemDataRole.DisplayRole and column == FLAGS:
-            return flags_in_short(entry.shot.flags) if entry.shot is not None else ""
-        if role == Qt.ItemDataRole.DisplayRole and column == VERDICT:
-            of = entry.verdict_of
-            if of is None or of.conclusion is None or entry.shot is None or entry.shot.problem:
-                return self._text(entry, column)
-            return verdict_words(of.conclusion, of.found, short=True)
-        if role == Qt.ItemDataRole.EditRole and column == VERDICT and entry.number in self._struck:
-            return f"{self._text(entry, column)} (of another model)"
-        if role in (Qt.ItemDataRole.DisplayRole, Qt.ItemDataRole.EditRole):
-            return self._text(entry, column)
-        if role == Qt.ItemDataRole.FontRole and column == VERDICT and entry.number in self._struck:
+        if role == Qt.ItemDataRole.DisplayRole:
+            return self._short_text(entry, column)
+        if role == Qt.ItemDataRole.EditRole:
+            return self._text(entry, column) + (" (of another model)" if self._outdated(entry, column) else "")
+        if role == Qt.ItemDataRole.FontRole and self._outdated(entry, column):
             font = QFont()
             font.setStrikeOut(True)
             return font
@@ -303,6 +296,19 @@ class SessionModel(QAbstractTableModel):
         if role == Qt.ItemDataRole.TextAlignmentRole and self.columns[column].number is not None:
             return Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
         return None
+
+    def _outdated(self, entry: Entry, column: int) -> bool:
+        """Return whether a cell holds a verdict that is not of the shot's present model."""
+        return column == VERDICT and entry.number in self._struck
+
+    def _short_text(self, entry: Entry, column: int) -> str:
+        """Return the text shown in a cell: flags and a verdict in short."""
+        shot, of = entry.shot, entry.verdict_of
+        if column == FLAGS:
+            return flags_in_short(shot.flags) if shot is not None else ""
+        if column != VERDICT or of is None or of.conclusion is None or shot is None or shot.problem:
+            return self._text(entry, column)
+        return verdict_words(of.conclusion, of.found, short=True)
 
     def _text(self, entry: Entry, column: int) -> str:
         number = self.columns[column].number
@@ -321,7 +327,7 @@ class SessionModel(QAbstractTableModel):
             return reading_tooltip(number.head, reading, value, which)
         if column == FLAGS and entry.shot is not None:
             return "\n".join(map(flag_line, by_severity(entry.shot.flags)))
-        if column == VERDICT and entry.number in self._struck:
+        if self._outdated(entry, column):
             return f"{self._text(entry, column)}\n{OUTDATED}"
         if column == NAME:
             s = entry.settings

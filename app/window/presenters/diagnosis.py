@@ -45,14 +45,7 @@ class DiagnosisPresenter(QObject):
 
     def refresh(self) -> None:
         """Show progress, the diagnosis of the selected shots and the effects in the model."""
-        job = self._workbench.jobs.current
-        running = job if job is not None and job.kind in ("diagnosis", PLAN) else None
-        what = (running.what or "starting") if running is not None else None
-        of = running.name if running is not None else ""
-        if running is None and job is not None and self._workbench.jobs.waiting("diagnosis", PLAN):
-            what, of = f"waiting for {job.name} to end", "it begins then"
-        self._panels.diagnosis.show_progress(what, running.fraction if running is not None else 0.0, of)
-        self._panels.model.diagnose.setEnabled(what is None)
+        self._show_progress()
         found = self.found()
         if self._panels.tabs.currentIndex() == Layout.DIAGNOSIS:
             self._explain(found)
@@ -66,11 +59,27 @@ class DiagnosisPresenter(QObject):
         if found is None:
             self._panels.diagnosis.show_diagnosis(None, [], effects)
             return
-        entries = [self._workbench.session.entry(number) for number in found.numbers]
         shots = self._shots_of(found)
         self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects, found.version, holds)
+        if is_drive(found.diagnosis.fit_after.model):
+            self._compute_forces(found)
+
+    def _show_progress(self) -> None:
+        """Show the running diagnosis or plan, or that one waits for another job to end."""
+        job = self._workbench.jobs.current
+        what, fraction, of = None, 0.0, ""
+        if job is not None and job.kind in ("diagnosis", PLAN):
+            what, fraction, of = job.what or "starting", job.fraction, job.name
+        elif job is not None and self._workbench.jobs.waiting("diagnosis", PLAN):
+            what, of = f"waiting for {job.name} to end", "it begins then"
+        self._panels.diagnosis.show_progress(what, fraction, of)
+        self._panels.model.diagnose.setEnabled(what is None)
+
+    def _compute_forces(self, found: Diagnosed) -> None:
+        """Begin to compute the residual forces of the first of a diagnosed drive's shots."""
+        entries = [self._workbench.session.entry(number) for number in found.numbers]
         drive = next((e for e in entries if e is not None and e.shot is not None and e.shot.motion is not None), None)
-        if drive is not None and is_drive(found.diagnosis.fit_after.model):
+        if drive is not None:
             self._forces.forget()
             self._forces.start(drive, partial(_forces_of, drive, found.diagnosis))
 

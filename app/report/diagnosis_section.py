@@ -34,14 +34,11 @@ MAX_DRAWN = 8  # most shots whose residuals are drawn
 
 def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: str = "") -> Markup:
     """Return the section on a diagnosis of ``shots``; ``next_shots`` is the plan of the next shots in words."""
-    motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
-    count = len(motions)
-    rig = "; ".join(filter(None, (describe_weights([m.moving_mass_kg for m in motions]), describe_plates(motions))))
     said = in_words(diagnosis)
     parts = [
         tag("p", tag("b", f"Verdict: {VERDICTS[diagnosis.verdict].full}."), class_="verdict"),
         tag("p", said.sentence),
-        tag("p", f"Based on {counted(count, 'shot')}{f': {rig}' if rig else ''}."),
+        tag("p", _basis(shots)),
     ]
     if diagnosis.effects:
         parts += [tag("h3", "Effects"), *map(_effect, diagnosis.effects, said.effects)]
@@ -60,6 +57,13 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
     if diagnosis.fit_after is not diagnosis.fit_before:
         parts += [tag("h3", "Model of all shots, after"), fitted(diagnosis.fit_after)]
     return tag("section", tag("h2", "Diagnosis"), parts)
+
+
+def _basis(shots: Sequence[Shot]) -> str:
+    """Return how many shots the diagnosis is based on, and their weights and plates."""
+    motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
+    rig = "; ".join(filter(None, (describe_weights([m.moving_mass_kg for m in motions]), describe_plates(motions))))
+    return f"Based on {counted(len(motions), 'shot')}{f': {rig}' if rig else ''}."
 
 
 def _effect(found: FoundEffect, sentence: str) -> Markup:

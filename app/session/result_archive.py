@@ -97,10 +97,7 @@ def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> A
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):
-        if id(value) not in seen:
-            seen[id(value)] = len(arrays)
-            arrays.append(value)
-        return {"array": seen[id(value)]}
+        return {"array": _place_of(value, arrays, seen)}
     if isinstance(value, Mapping):
         return {"map": [[key, _written(one, arrays, seen)] for key, one in value.items()]}
     if isinstance(value, tuple | list):
@@ -109,6 +106,14 @@ def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> A
         own = {field.name: _written(getattr(value, field.name), arrays, seen) for field in fields(value)}
         return {"kind": type(value).__name__, "fields": own}
     raise NotStorable(f"a {type(value).__name__} cannot be stored")
+
+
+def _place_of(array: np.ndarray, arrays: list[np.ndarray], seen: dict[int, int]) -> int:
+    """Return the array's place in ``arrays``, to which it is added when first seen."""
+    if id(array) not in seen:
+        seen[id(array)] = len(arrays)
+        arrays.append(array)
+    return seen[id(array)]
 
 
 def rebuild(body: Any, arrays: list[np.ndarray]) -> Any:

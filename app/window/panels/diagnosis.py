@@ -166,28 +166,28 @@ class DiagnosisPanel(QWidget):
         self.why.setVisible(not self._driven)
         self.law_curve.show_laws(diagnosis.laws if diagnosis is not None else (), shots)
         if diagnosis is None:
-            show_toned(self._verdict, *(("diagnosing", Tone.BUSY) if self._busy else ("not diagnosed", Tone.NEUTRAL)))
-            self.sentence.setText(
-                "The selected shots are analysed together; you can keep working and take shots meanwhile."
-                if self._busy
-                else "Select one or several shots below and press Diagnose: the program examines the "
-                "residual and names the missing effect, if any. Shots at different speeds give more information."
-            )
-            self._blind.setText("")
-            self.bars.show_candidates((), set())
-            self.why.show_diagnosis(None, [], False)
-            self.residuals.clear()
-            self._folded(self.fold.isChecked())
-            return
-        verdict = VERDICTS[diagnosis.verdict]
-        tone, words = Tone(verdict.tone), verdict.brief.upper()
-        if self._accepted:
-            found = diagnosis.verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED)
-            tone, words = (
-                (Tone.GOOD, f"{words}, IN THE MODEL") if found else (tone, f"{words}, EFFECTS ALREADY IN THE MODEL")
-            )
-        tone, words = (tone, words) if holds else (Tone.NEUTRAL, tag("s", words))
-        show_toned(self._verdict, words, tone)
+            self._show_none()
+        else:
+            self._show_found(diagnosis)
+        self._folded(self.fold.isChecked())
+
+    def _show_none(self) -> None:
+        """Show that the shots are not diagnosed yet."""
+        show_toned(self._verdict, *(("diagnosing", Tone.BUSY) if self._busy else ("not diagnosed", Tone.NEUTRAL)))
+        self.sentence.setText(
+            "The selected shots are analysed together; you can keep working and take shots meanwhile."
+            if self._busy
+            else "Select one or several shots below and press Diagnose: the program examines the "
+            "residual and names the missing effect, if any. Shots at different speeds give more information."
+        )
+        self._blind.setText("")
+        self.bars.show_candidates((), set())
+        self.why.show_diagnosis(None, [], False)
+        self.residuals.clear()
+
+    def _show_found(self, diagnosis: Diagnosis) -> None:
+        """Show verdict, evidence and details of the diagnosis."""
+        self._show_verdict(diagnosis.verdict)
         said = in_words(diagnosis)
         self.sentence.setText(localised_text(said.sentence))
         self.bars.show_candidates(diagnosis.candidates, {found.effect for found in diagnosis.effects})
@@ -200,9 +200,19 @@ class DiagnosisPanel(QWidget):
         lines += [f"Shot that would distinguish these: {said.separating_shot}"] if separating else []
         lines += [f"Detection limits: {'; '.join(said.blind_spots)}"] if said.blind_spots else []
         self._blind.setText(localised_text("\n".join(lines)))
-        self.residuals.show_diagnosis(diagnosis, shots)
-        self.why.show_diagnosis(diagnosis, [] if self._driven else shots, self._accepted)
-        self._folded(self.fold.isChecked())
+        self.residuals.show_diagnosis(diagnosis, self._shots)
+        self.why.show_diagnosis(diagnosis, [] if self._driven else self._shots, self._accepted)
+
+    def _show_verdict(self, verdict: Verdict) -> None:
+        """Show the verdict, whether its effects are in the model, and whether it is valid."""
+        tone, words = Tone(VERDICTS[verdict].tone), VERDICTS[verdict].brief.upper()
+        if self._accepted and verdict in (Verdict.EFFECT_FOUND, Verdict.LAW_LEARNED):
+            tone, words = Tone.GOOD, f"{words}, IN THE MODEL"
+        elif self._accepted:
+            words = f"{words}, EFFECTS ALREADY IN THE MODEL"
+        if not self._holds:
+            tone, words = Tone.NEUTRAL, tag("s", words)
+        show_toned(self._verdict, words, tone)
 
     @property
     def _accepted(self) -> bool:

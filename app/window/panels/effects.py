@@ -17,6 +17,12 @@ from app.words import DASH, effect_numbers, joined, lines, number, tag
 TRIED = "tried by the operator; not found by a diagnosis"
 
 
+def _found_words(found: FoundEffect) -> str:
+    """Return the parameters of an effect found, and the effects that the data cannot tell it from."""
+    rivals = ", ".join(other.words for other in found.indistinguishable_from)
+    return effect_numbers(found.effect, found.parameters) + (f"   indistinguishable from: {rivals}" if rivals else "")
+
+
 class EffectRows(QWidget):
     """A row for each effect, and one button to add all if several are not in the model."""
 
@@ -35,10 +41,7 @@ class EffectRows(QWidget):
         focused_effect = focused.property("effect") if focused is not None and self.isAncestorOf(focused) else None
         clear_layout(self._column)
         for one in found:
-            parameters = effect_numbers(one.effect, one.parameters)
-            rivals = ", ".join(other.words for other in one.indistinguishable_from)
-            words = parameters + (f"   indistinguishable from: {rivals}" if rivals else "")
-            self._add_row(one.effect, words, one.effect in in_model)
+            self._add_row(one.effect, _found_words(one), one.effect in in_model)
         missing = [one.effect for one in found if one.effect not in in_model]
         if len(missing) > 1:
             hover = "Use these effects from now on; all shots are refitted"
@@ -48,9 +51,13 @@ class EffectRows(QWidget):
             if effect not in {one.effect for one in found}:
                 self._add_row(effect, TRIED if effect in tried else "", True)
         if focused_effect is not None:  # keep the focus on the button of the same effect
-            for button in self._buttons():
-                if button.property("effect") == focused_effect:
-                    button.setFocus()
+            self._focus(focused_effect)
+
+    def _focus(self, effect: str) -> None:
+        """Set the focus to the button of an effect, given by its key."""
+        for button in self._buttons():
+            if button.property("effect") == effect:
+                button.setFocus()
 
     def _add_row(self, effect: Effect, words: str, in_model: bool) -> None:
         row = QWidget(self)

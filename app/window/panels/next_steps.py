@@ -97,14 +97,7 @@ class NextShotCard(QFrame):
         self.setVisible(left_open or (state is not None and bool(state.steps)))
         planned = state.plan if state is not None else None
         can_take = planned is not None and planned.settles and waited_for is None
-        if waited_for is not None:
-            said = "Being taken" if sets_itself else "Armed. Set, then push"
-            self.sentence.setText(localised_text(f"{said}: {waited_for.words}"))
-        elif state is None:
-            self.sentence.setText(UNPLANNED)
-        else:
-            words = planned.words if planned is not None else "Resolved: one candidate remains."
-            self.sentence.setText(localised_text(words))
+        self.sentence.setText(localised_text(_standing_words(state, waited_for, sets_itself)))
         steps = state.steps if state is not None else ()
         self.log.setText(localised_text("\n".join(_step_line(n, step) for n, step in enumerate(steps, 1))))
         self.log.setVisible(bool(self.log.text()))
@@ -113,6 +106,15 @@ class NextShotCard(QFrame):
         self.take.setText(SET if sets_itself else ARM)
         self.take.setToolTip(SET_TIP if sets_itself else ARM_TIP)
         self.give_up.setVisible(waited_for is not None)
+
+
+def _standing_words(state: PlanningState | None, waited_for: NextShot | None, sets_itself: bool) -> str:
+    if waited_for is not None:
+        said = "Being taken" if sets_itself else "Armed. Set, then push"
+        return f"{said}: {waited_for.words}"
+    if state is None:
+        return UNPLANNED
+    return state.plan.words if state.plan is not None else "Resolved: one candidate remains."
 
 
 def _step_line(number: int, step: PlannedStep) -> str:

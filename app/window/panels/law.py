@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QFormLayout, QGridLayout, QLabel, QLineEdit, QWidget
 
@@ -102,17 +103,9 @@ class LawCurve(QWidget):
         self._curve.show_points(x, force_scale * law.curve_force_n)
         self._form.show_points(x, force_scale * law.form_force_n)
         self._form.label = law.nearest_form
-        others = [other for other in law.other_forms if other.curve_force_n is not None][:MAX_FORMS]
-        self.compare.setEnabled(bool(others))
-        for curve, other in zip(self._others, others, strict=False):
-            if self.compare.isChecked():
-                assert other.curve_force_n is not None
-                curve.label = other.form
-                curve.show_points(x, force_scale * other.curve_force_n)
         legend = [("free curve", FREE), ("± 2 σ", EDGES)]
         legend.append((f"{'closed form' if law.form else 'nearest form'}: {law.nearest_form}", SIMULATED))
-        if self.compare.isChecked():
-            legend += [(other.form, look) for other, look in zip(others, OTHERS, strict=False)]
+        legend += self._show_others(law, x, force_scale)
         self._legend.show_entries(legend)
         self.plot.legend = legend
         self.plot.plot.name_value("force", force_unit)
@@ -121,6 +114,21 @@ class LawCurve(QWidget):
         force = force_scale * law.curve_force_n
         reach = 0.1 * max(float(np.ptp(force)), 1e-9)
         self.plot.show_range((float(x[0]), float(x[-1])), (float(force.min()) - reach, float(force.max()) + reach))
+        self._show_words(law)
+
+    def _show_others(self, law: LearnedLaw, x: NDArray[np.float64], force_scale: float) -> list[tuple[str, LineStyle]]:
+        """Show the other closed forms that fit, if they are wanted; return their entries in the legend."""
+        others = [(one.form, one.curve_force_n) for one in law.other_forms if one.curve_force_n is not None][:MAX_FORMS]
+        self.compare.setEnabled(bool(others))
+        if not self.compare.isChecked():
+            return []
+        for curve, (form, force_n) in zip(self._others, others, strict=False):
+            curve.label = form
+            curve.show_points(x, force_scale * force_n)
+        return [(form, look) for (form, _), look in zip(others, OTHERS, strict=False)]
+
+    def _show_words(self, law: LearnedLaw) -> None:
+        """Show heading and formula, and what else fits the data."""
         place = {"block": "on the block", "plate": "on the plate"}.get(law.where, "between block and plate")
         count = f" {self._which + 1} OF {len(self._laws)}" if len(self._laws) > 1 else ""
         self._heading.setText(f"LEARNED LAW{count}: a force {place} as a function of {law.argument}")

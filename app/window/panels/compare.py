@@ -93,6 +93,17 @@ def _named(entries: Sequence[Entry]) -> str:
     return f"Shot{'s' if len(entries) > 1 else ''} {numbers}" if entries else ""
 
 
+def _overlay(entries: Sequence[Entry], curves: Sequence[SampledCurve], quantity: str) -> None:
+    """Show a quantity of the motion of each entry, one curve each, and hide the other curves."""
+    for curve, entry in zip_longest(curves, entries):
+        curve.setVisible(entry is not None)
+        if entry is None or entry.shot is None:
+            curve.clear_samples()
+        else:
+            curve.label = f"{entry.number} {entry.name}"
+            curve.show_samples(*grid_ms(entry.shot), getattr(entry.shot.motion, quantity))
+
+
 class _CurveNumbers(QObject):
     """Labels each curve with its shot's number, at positions spread over the view."""
 
@@ -185,14 +196,8 @@ class ComparePanel(Themed, QWidget):
         """Overlay the last ``MOST`` of these entries and show the trend of all."""
         self._entries = [entry for entry in entries if entry.shot is not None and entry.shot.motion is not None]
         shown = self._entries[-MOST:]
-        for curves, quantity in ((self._velocity_curves, "velocity_m_per_s"), (self._force_curves, "force_n")):
-            for curve, entry in zip_longest(curves, shown):
-                curve.setVisible(entry is not None)
-                if entry is None or entry.shot is None:
-                    curve.clear_samples()
-                else:
-                    curve.label = f"{entry.number} {entry.name}"
-                    curve.show_samples(*grid_ms(entry.shot), getattr(entry.shot.motion, quantity))
+        _overlay(shown, self._velocity_curves, "velocity_m_per_s")
+        _overlay(shown, self._force_curves, "force_n")
         count, said = len(self._entries), ""
         if count == 0:
             said = "Select shots in the table below (Ctrl or Shift with a click) to overlay them."

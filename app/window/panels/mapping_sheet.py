@@ -1,6 +1,6 @@
 """The sheet on which the operator assigns the channels of a foreign file."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWidget
@@ -129,21 +129,29 @@ class MappingSheet(Sheet):
         self._looks.setText(lines(map(_look_words, looks)))
         self._looks.setVisible(bool(looks))
         proposal = proposed_roles(looks)
-        items = [(_channel_words(channel), channel.name) for channel in contents.channels]
-        proposed = proposal or dict(zip(self.boxes, (name for _, name in items), strict=False))  # one each, in order
-        for role, box in self.boxes.items():
-            absent = [(NONE, None)] if role is not Role.MEASUREMENT else []
-            fill_box(box, [*absent, *items], proposed.get(role))
-        columns = [channel for channel in contents.channels if contents.path.suffix.lower() == TABLE]
-        lengths = [channel.name for channel in columns if length_unit(channel)]
-        names = [(channel.name, channel.name) for channel in columns]
-        fill_box(self.displacement, [(NONE, None), *names], lengths[0] if lengths and not proposal else None)
+        self._offer_roles(contents, proposal)
+        length = self._offer_displacement(contents, bool(proposal))
         self._chosen()
         self.edits["mass_kg"].setText(localised_number(f"{1e3 * mass_kg:.10g}"))
         self.edits["rest_hz"].setText("" if rest_hz is None else localised_number(f"{1e-6 * rest_hz:.10g}"))
         self.edits["rate_hz"].setText("")
         self.edits["bits"].setText("16")
-        self.open_at(self.unit if lengths and not proposal else self.boxes[Role.MEASUREMENT])
+        self.open_at(self.unit if length is not None else self.boxes[Role.MEASUREMENT])
+
+    def _offer_roles(self, contents: ForeignContents, proposal: Mapping[Role, str]) -> None:
+        """Offer all channels for each role, preselected as proposed, else one each, in order."""
+        items = [(_channel_words(channel), channel.name) for channel in contents.channels]
+        proposed = proposal or dict(zip(self.boxes, (name for _, name in items), strict=False))
+        for role, box in self.boxes.items():
+            absent = [(NONE, None)] if role is not Role.MEASUREMENT else []
+            fill_box(box, [*absent, *items], proposed.get(role))
+
+    def _offer_displacement(self, contents: ForeignContents, beats: bool) -> str | None:
+        """Offer a table's columns as the displacement; preselect and return the first length if there are no beats."""
+        columns = contents.channels if contents.path.suffix.lower() == TABLE else ()
+        length = None if beats else next((column.name for column in columns if length_unit(column)), None)
+        fill_box(self.displacement, [(NONE, None), *((column.name, column.name) for column in columns)], length)
+        return length
 
     def refuse(self, problem: str) -> None:
         show_toned(self.problem, problem, Tone.BAD)

@@ -20,7 +20,7 @@ from instrument.capture.snapshot import CapturedShot, SignalLine, Snapshot
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices import CaptureSettings, Digitizer
 from instrument.files import RecordingError, disk_free_bytes
-from instrument.live import LiveThread, empty_view, warm
+from instrument.live import LiveThread, Stream, empty_view, warm
 
 _NO_ANSWER_S = 5.0  # a driver that blocks the capture thread for longer counts as not answering,
 _NO_START_S = 60.0  # or for longer than this before its first sample, as firmware may load and kernels compile
@@ -104,36 +104,23 @@ class Capture:
         return self._shots.save_pending(folder)
 
     def latest(self) -> Snapshot:
-        capture, live = self._capture, self._live
+        capture = self._capture
         pressed_s = capture.arm_pressed_s  # read before the state, which changes before this is cleared
         status, stream, folder = capture.machine.status, capture.run.stream, capture.options.folder
         if pressed_s is not None and status.state in CAN_ARM:
             status = replace(status, state=State.ARMING, since_s=pressed_s)
-        state, message, remedy = status.state, status.message, status.remedy
-        streaming = stream is not None and stream.ring.total > stream.start and not capture.run.starting
-        limit_s = _NO_ANSWER_S if streaming and not capture.run.simulated else _NO_START_S
-        if capture.thread.is_alive() and self._clock() - (capture.alive_s or self._clock()) > limit_s:
-            state, message, remedy = State.FAULT, "the digitizer does not answer", "re-plug it, then choose it again"
-        doing, progress = self._progress(state)
+        if self._unanswered(stream):
+            what, remedy = "the digitizer does not answer", "re-plug it, then choose it again"
+            status = replace(status, state=State.FAULT, message=what, remedy=remedy)
+        doing, progress = self._progress(status.state)
         return Snapshot(
-            state=state,
+            state=status.state,
             since_s=status.since_s,
             automatic=status.automatic,
-            message=message,
-            remedy=remedy,
-            signal=SignalLine(
-                channels=live.channels if live is not None else (),
-                switch_level=capture.run.switch_level,
-                switch_toggles=capture.run.toggles,
-                switch_thresholds_v=capture.run.thresholds_v,
-                disk_free_bytes=live.disk_free_bytes if live is not None else disk_free_bytes(folder),
-                folder=folder,
-                folder_problem=capture.folder_problem,
-                samples_lost=stream.lost if stream is not None else 0,
-                losses=stream.losses if stream is not None else 0,
-                samples_read=stream.ring.total - stream.start if stream is not None else 0,
-            ),
-            live=live.view if live is not None else empty_view(),
+            message=status.message,
+            remedy=status.remedy,
+            signal=self._signal(stream, folder),
+            live=self._live.view if self._live is not None else empty_view(),
             doing=doing,
             progress=progress,
             shots=self._shots.taken,
@@ -168,6 +155,28 @@ class Capture:
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+    def _unanswered(self, stream: Stream | None) -> bool:
+        """Return whether a call of the digitizer has lasted too long."""
+        capture = self._capture
+        streaming = stream is not None and stream.ring.total > stream.start and not capture.run.starting
+        limit_s = _NO_ANSWER_S if streaming and not capture.run.simulated else _NO_START_S
+        return capture.thread.is_alive() and self._clock() - (capture.alive_s or self._clock()) > limit_s
+
+    def _signal(self, stream: Stream | None, folder: Path) -> SignalLine:
+        run, live = self._capture.run, self._live
+        return SignalLine(
+            channels=live.channels if live is not None else (),
+            switch_level=run.switch_level,
+            switch_toggles=run.toggles,
+            switch_thresholds_v=run.thresholds_v,
+            disk_free_bytes=live.disk_free_bytes if live is not None else disk_free_bytes(folder),
+            folder=folder,
+            folder_problem=self._capture.folder_problem,
+            samples_lost=stream.lost if stream is not None else 0,
+            losses=stream.losses if stream is not None else 0,
+            samples_read=stream.ring.total - stream.start if stream is not None else 0,
+        )
 
     def _progress(self, state: State) -> tuple[str | None, float | None]:
         shot = self._capture.shot

@@ -129,13 +129,7 @@ def bind(
         if command.action in (below or {}):
             menus[command.menu].addMenu((below or {})[command.action])
             continue
-        action = QAction(command.words, window)
-        action.setShortcuts([QKeySequence(key) for key in command.keys])
-        action.setShortcutContext(Qt.ShortcutContext.WindowShortcut)
-        action.setAutoRepeat(False)
-        name, _, argument = command.action.partition(":")
-        method = next(getattr(one, name) for one in doing if hasattr(one, name))
-        action.triggered.connect(partial(call_with, method, argument) if argument else method)
+        action = _action(command, window, doing)
         if command.line_before:
             menus[command.menu].addSeparator()
         menus[command.menu].addAction(action)
@@ -145,6 +139,17 @@ def bind(
             menu.addSeparator()
             menu.addActions(again)
     return actions
+
+
+def _action(command: Command, window: QMainWindow, doing: tuple[QObject, ...]) -> QAction:
+    action = QAction(command.words, window)
+    action.setShortcuts([QKeySequence(key) for key in command.keys])
+    action.setShortcutContext(Qt.ShortcutContext.WindowShortcut)
+    action.setAutoRepeat(False)
+    name, _, argument = command.action.partition(":")
+    method = next(getattr(one, name) for one in doing if hasattr(one, name))
+    action.triggered.connect(partial(call_with, method, argument) if argument else method)
+    return action
 
 
 def pressed_by_enter(focused: QWidget | None, event: QKeyEvent) -> bool:

@@ -11,7 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from levimass.settings import (
+    BASE_MODELS,
     DRIVE,
+    ONE_BODY,
+    PAPER_MODEL,
     AnalysisChoices,
     AnalysisSettings,
     Setting,
@@ -31,7 +34,10 @@ if TYPE_CHECKING:
     from instrument.files import MotionRecord
 
 __all__ = [
+    "BASE_MODELS",
     "DRIVE",
+    "ONE_BODY",
+    "PAPER_MODEL",
     "AnalysisChoices",
     "AnalysisSettings",
     "Setting",

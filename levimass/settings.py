@@ -1,6 +1,6 @@
 """How a setting is declared, with bounds, unit and words for files, sheet and command line; those of an analysis."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import Field, dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -118,7 +118,31 @@ def settings_of(kind: Any) -> tuple[Setting, ...]:
     return tuple(found for of in fields(kind) if (found := setting_of(of)) is not None)
 
 
-DRIVE = "driven"
+PAPER_MODEL, ONE_BODY, DRIVE = "paper", "contact", "driven"
+
+
+@dataclass(frozen=True, slots=True)
+class BaseModel:
+    """A base model under its ``name`` in settings and files, with its texts."""
+
+    name: str
+    choice: str  # in the settings
+    words: str  # in a sentence
+    in_record: str = ""  # its name in a motion record, which can name no others
+    bodies: str = ""  # in words, if a record without a force can be of it
+    one_body: bool = False  # no plate moves
+
+
+BASE_MODELS: Mapping[str, BaseModel] = {
+    model.name: model
+    for model in (
+        BaseModel(PAPER_MODEL, "paper (two bodies)", "paper model", "plate", "block and plate"),
+        BaseModel("clamped", "damping clamped", "clamped plate"),
+        BaseModel("no_tension", "no tension", "paper model without tensile contact force"),
+        BaseModel(ONE_BODY, "one body on a spring", "one body on a contact", "contact", "one body, spring", True),
+        BaseModel(DRIVE, "driven slider", "driven slider", "driven", one_body=True),
+    )
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,14 +154,8 @@ class AnalysisChoices:
         "Of velocity and force; the noise of the force grows with its power 2.5",
     )
     model: str = choice(
-        *("paper", "Analysis", "Base model"),
-        (
-            ("paper", "paper (two bodies)"),
-            ("clamped", "damping clamped"),
-            ("no_tension", "no tension"),
-            ("contact", "one body on a spring"),
-            (DRIVE, "driven slider"),
-        ),
+        *(PAPER_MODEL, "Analysis", "Base model"),
+        [(model.name, model.choice) for model in BASE_MODELS.values()],
         "The model that is fitted. Paper: block and plate, damped in both directions, with tension until the "
         "overlap ends; damping clamped: none while they separate, as Eq. 10 is printed; "
         "no tension: the contact never pulls",

@@ -21,14 +21,6 @@ class Variant(IntEnum):
     CLAMPED = 1  # Eq. 10 as printed: no damping while the bodies part
     NO_TENSION = 2  # the contact never pulls: release when the force reaches zero
 
-    @classmethod
-    def named(cls, name: str) -> "Variant":
-        """Return the variant called ``name``.  Raises ValueError with a list of the names."""
-        try:
-            return cls[name.upper()]
-        except KeyError:
-            raise ValueError(f"no contact law {name!r}; there are paper, clamped, no_tension") from None
-
 
 @dataclass(frozen=True, slots=True)
 class Collision:

@@ -16,7 +16,7 @@ from analysis.diagnosis.verdict.residual import errors
 from analysis.fitted import vibration_of
 from analysis.inference import Fitted, Floor, as_fit
 from analysis.shot import AnalysisError, Motion, Progress, Shot, Stop, VibrationSpectrum
-from levimass import is_drive
+from levimass import PAPER_MODEL, is_drive
 
 
 def diagnose(
@@ -76,7 +76,7 @@ def _model(shots: Sequence[Shot | Motion]) -> str:
     models = {shot.settings.model for shot in shots if isinstance(shot, Shot)}
     if len(models) > 1:
         raise ValueError(f"the shots have different base models: {', '.join(sorted(models))}")
-    return models.pop() if models else "paper"
+    return models.pop() if models else PAPER_MODEL
 
 
 def _vibrations(shots: Sequence[Shot | Motion]) -> Sequence[VibrationSpectrum | None] | None:

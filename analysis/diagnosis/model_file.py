@@ -17,10 +17,9 @@ from analysis.collision import Effect, known_effect, without_nuisances
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive import LAWS
 from analysis.shot import AnalysisError, Fit, Quantity
-from levimass import is_drive
+from levimass import BASE_MODELS, is_drive
 
 SCHEMA = "levimass.model/1"
-BASES = ("paper", "clamped", "no_tension", "contact", "driven")
 _LARGEST, _SMALLEST = 1e15, 1e-15  # in SI units: largest size of any parameter, smallest stiffness and mass
 _POSITIVE = re.compile(r"^[^.]*(stiffness|mass)_[^.]*$")  # of the base; an effect's stiffness may be negative
 _NOT_NEGATIVE = re.compile(r"^contact_damping_[^.]*$")
@@ -109,8 +108,8 @@ def from_text(text: str) -> SavedModel:
     if data.get("schema") != SCHEMA:
         raise ModelFileError(f"schema: {SCHEMA!r} is expected, not {str(data.get('schema'))[:40]!r}")
     base = data.get("base")
-    if base not in BASES:
-        raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASES)}")
+    if not isinstance(base, str) or base not in BASE_MODELS:
+        raise ModelFileError(f"base: {str(base)[:40]!r} is none of {', '.join(BASE_MODELS)}")
     effects = _effects(_strings(data, "effects"), base)
     tried = _strings(data, "tried")
     if strange := [name for name in tried if name not in effects]:

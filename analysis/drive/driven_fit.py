@@ -15,6 +15,7 @@ from analysis.drive.repeatability import Repeatability, repeatability_of
 from analysis.drive.stretch import Stretch, Table, low_pass, prepare
 from analysis.shot import AnalysisError, Fit, Floats, Motion, Quantity, Stop
 from analysis.signal import derivative_filters
+from levimass import DRIVE
 
 MASS = "moving_mass_kg"
 AGREE_SIGMAS = 4.0
@@ -95,7 +96,7 @@ def as_fit(
         covariance = covariance.copy()
         covariance[found.names.index(MASS), found.names.index(MASS)] = mass_check.stated.std**2
     return Fit(
-        model="driven",
+        model=DRIVE,
         parameters=parameters,
         covariance=covariance,
         shots=(),

@@ -12,6 +12,7 @@ from app.command_line.outputs import say
 from instrument.files import (
     FOLDER_MAPPING,
     LENGTHS_M,
+    WITHOUT_FORCE,
     ForeignContents,
     ForeignMapping,
     MappedChannel,
@@ -27,6 +28,7 @@ from instrument.files import (
     save_columns,
     write_mapping,
 )
+from levimass import BASE_MODELS, DRIVE, ONE_BODY, PAPER_MODEL
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +49,7 @@ class WrongOption(Exception):
 
 
 DISPLACEMENT = "displacement"
-_MODELS = {"paper": "plate", "contact": "contact"}  # this program's name of a base model -> motion record's name
+_MODELS = {model.name: model.in_record for model in WITHOUT_FORCE}
 
 
 def map_foreign(
@@ -126,7 +128,7 @@ def _map_displacement(path: Path, channels: Sequence[str], of_beats: bool, given
     unit = given.unit or length_unit(channel)
     if unit is None:
         raise WrongOption("the header states no unit of the displacement: --unit mm")
-    model = _MODELS[given.model or "contact"]
+    model = _MODELS[given.model or ONE_BODY]
     mapping_file = save_columns(path, MotionColumns(channel.name, unit, model, given.mass_kg, given.rate_hz))
     record = read_motion(path)
     assert record.displacement_m is not None
@@ -189,11 +191,12 @@ def _positions(contents: ForeignContents) -> list[str]:
     table = Path(contents.path)
     channel = next((c for c in contents.channels if length_unit(c)), contents.channels[0])
     name, unit = shlex.quote(channel.name), "" if length_unit(channel) else " --unit mm"
+    one_body, paper, drive = (BASE_MODELS[base].in_record for base in (ONE_BODY, PAPER_MODEL, DRIVE))
     return [
         "are these positions, not beats? Then name the displacement column (and its unit: m, mm, um or nm)",
         f"  levimass --map {shlex.quote(str(table))} --channel displacement={name}{unit} --mass 0.1",
         "or make it a motion record: name its columns time_s and displacement_m (or",
         f"velocity_m_per_s, force_n), and write {table.with_suffix('.toml').name} beside it, for example",
-        '  model = "contact"        # or "plate" (two bodies), "driven" (a slider under the measured force_n)',
+        f'  model = "{one_body}"        # or "{paper}" (two bodies), "{drive}" (a slider under the measured force_n)',
         "  moving_mass_kg = 0.1",
     ]

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from levimass import AnalysisChoices, AnalysisSettings, Setting, settings_of
+from levimass import BASE_MODELS, PAPER_MODEL, AnalysisChoices, AnalysisSettings, Setting, settings_of
 
 if TYPE_CHECKING:
     from analysis.diagnosis import SavedModel
@@ -158,7 +158,6 @@ def _of_setting(setting: Setting) -> Option:
     return Option(setting.flag, said, setting.metavar, number)
 
 
-MODELS = next(tuple(name for name, _ in s.choices) for s in settings_of(AnalysisChoices) if s.key == "model")
 CHOSEN = tuple(setting for setting in settings_of(AnalysisChoices) if setting.flag)
 GROUPS = (
     Group("with --doctor", ("doctor",), (
@@ -174,7 +173,8 @@ GROUPS = (
                "PARAMETER", str, _OPTIONAL),
         Option("--unchecked", "skip the SHA-512 check of the data (faster)"),
         *map(_of_setting, CHOSEN),
-        Option("--model", f"base model: {', '.join(MODELS)} (default: paper), or a model file (.toml)", "NAME", str),
+        Option("--model", f"base model: {', '.join(BASE_MODELS)} (default: {PAPER_MODEL}), or a model file (.toml)",
+               "NAME", str),
         Option("--foretell", "test the predictions of the model file, without refitting, on these shots"),
         Option("--law", "a law of your own (TOML) that the diagnosis tries too", "FILE", _path, _EACH),
         Option("--save-model", "save the diagnosed model", "FILE", _path),

@@ -8,7 +8,6 @@ from itertools import chain
 from app.command_line import options as declared
 from app.command_line.options import (
     COMMANDS,
-    MODELS,
     PLAN,
     WINDOW,
     Option,
@@ -17,7 +16,7 @@ from app.command_line.options import (
     help_in,
     is_model_file,
 )
-from levimass import AnalysisSettings
+from levimass import BASE_MODELS, AnalysisSettings
 
 
 def flat_parser() -> argparse.ArgumentParser:
@@ -128,8 +127,8 @@ def _ill_combined(given: set[str]) -> Iterator[str]:
 def _wrong_values(options: argparse.Namespace, command: str) -> Iterator[str]:
     if command == "acquire" and options.json is not None and options.resolve is None:
         yield "--json goes with --acquire only together with --resolve"
-    if options.model is not None and options.model not in MODELS and not is_model_file(options.model):
-        yield f"--model: no model called {options.model!r}; there are {', '.join(MODELS)}"
+    if options.model is not None and options.model not in BASE_MODELS and not is_model_file(options.model):
+        yield f"--model: no model called {options.model!r}; there are {', '.join(BASE_MODELS)}"
     if options.foretell and (options.model is None or not is_model_file(options.model)):
         yield "--foretell goes with --model FILE: it tests that file's model"
     if options.site is not None:

@@ -20,8 +20,6 @@ from instrument.files import (
     read_motion,
 )
 
-BASE_OF_RECORD = {"plate": "paper"}  # motion record's name of a base model -> this program's, where they differ
-
 
 def load_and_analyse(
     path: Path, model: str | None = None, *, settings: AnalysisSettings | None = None, **how: Any
@@ -62,7 +60,7 @@ def analysed(
 
         return analyse_and_check_hash(path, opened) if checked else opened(open_without_hash(path))
     record = read_motion(path)
-    chosen = _with_model(chosen, model or BASE_OF_RECORD.get(record.model, record.model), effects_of)
+    chosen = _with_model(chosen, model or record.base, effects_of)
     right = dict(chosen.corrections)
     mass_u_kg = right.get("moving_mass_u_kg", record.moving_mass_u_kg)
     motion = motion_from_displacement(

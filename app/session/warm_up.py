@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.shot import Channel, Floats, Motion, Recording, Role, Setup, Shot
+from levimass import PAPER_MODEL
 
 _MASS_KG, _SPEED_M_PER_S, _TOUCH_S, _LENGTH_S = 0.018, 0.25, 12e-3, 60e-3
 _PLATE_KG, _PLATE_N_PER_M, _CONTACT_N_PER_M, _CONTACT_N_S_PER_M = 2e-4, 220.0, 1e4, 0.4
@@ -36,7 +37,7 @@ def fit() -> None:
     from analysis.collision import PAPER, linear_path, moved_by_frame
     from analysis.fitted import fit_jointly, fitted_contact_cor
 
-    fitted_contact_cor(fit_jointly([_motion()], "paper", ()), _MASS_KG)
+    fitted_contact_cor(fit_jointly([_motion()], PAPER_MODEL, ()), _MASS_KG)
     time_s = np.arange(-_TOUCH_S, _LENGTH_S - _TOUCH_S, 5.0 / _MOTION_HZ)
     moved_by_frame(linear_path(PAPER, (), time_s), PAPER, np.array([2 * np.pi * _SHAKEN_HZ]), time_s.size)
 

@@ -27,8 +27,8 @@ from .foreign_reading import foreign_channels, foreign_columns, read_foreign
 from .law_file import read_law, read_laws, write_law
 from .motion_file import (
     LENGTHS_M,
-    MODELS,
     TABLE,
+    WITHOUT_FORCE,
     MotionColumns,
     MotionRecord,
     length_unit,
@@ -54,8 +54,8 @@ __all__ = [
     "FOLDER_MAPPING",
     "FORMATS",
     "LENGTHS_M",
-    "MODELS",
     "TABLE",
+    "WITHOUT_FORCE",
     "CheckedTable",
     "FileNotReached",
     "FolderLock",

@@ -22,14 +22,15 @@ from instrument.files.recording_error import RecordingError, shown
 from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
 from instrument.files.recording_search import TABLES, motion_table
 from instrument.files.text_file import CheckedTable, read_text, read_toml
+from levimass import BASE_MODELS, ONE_BODY, is_drive
 
-_MODELS = ("plate", "contact", "driven")
+_BASES = {base.in_record: base for base in BASE_MODELS.values() if base.in_record}
 _COLUMNS = ("time_s", "displacement_m", "velocity_m_per_s", "force_n")
 _LARGEST_CSV_BYTES = 512 * 2**20
 _LARGEST = 1e12  # SI units: above any time, length, speed or force of a rig
 LENGTHS_M = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 TABLE = ".csv"  # the only extension of another program's table
-MODELS = ("contact", "plate")  # models for a motion record without a measured force
+WITHOUT_FORCE = tuple(base for base in _BASES.values() if not is_drive(base.name))  # base models for positions alone
 _MICRO = str.maketrans("\u00b5\u03bc\ufffd", "uuu")  # the last one replaces a micro sign in another encoding
 _HEAD = "How Levimass reads the table of this name. Numbers are SI; unit is that of the column."
 _LENGTH_SUFFIX = re.compile(r"_(m|mm|.m)$")
@@ -41,7 +42,7 @@ class MotionColumns:
 
     displacement: str
     unit: str
-    model: str = MODELS[0]
+    model: str = BASE_MODELS[ONE_BODY].in_record
     moving_mass_kg: float | None = None
     sample_rate_hz: float | None = None
 
@@ -64,6 +65,11 @@ class MotionRecord:
     moving_mass_u_kg: float | None = None
     extra: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def base(self) -> str:
+        """Get the name of its base model, which is "plate" in records and "paper" elsewhere."""
+        return _BASES[self.model].name
+
 
 def read_motion(path: Path | str) -> MotionRecord:
     """Read a motion record; ``path`` is its table or its .toml.  Raises RecordingError."""
@@ -76,8 +82,8 @@ def read_motion(path: Path | str) -> MotionRecord:
         raise RecordingError(table, f"{cause}; 'levimass --map {table.name}' shows how to give either")
     head = CheckedTable(about, read_toml(about))
     model = head.text("model")
-    if model not in _MODELS:
-        raise head.error_for("model", "missing" if model is None else f"{shown(model)} is none of {', '.join(_MODELS)}")
+    if model not in _BASES:
+        raise head.error_for("model", "missing" if model is None else f"{shown(model)} is none of {', '.join(_BASES)}")
     mass = head.number("moving_mass_kg", *MASSES_KG)
     mass_u = head.number("moving_mass_u_kg", 0.0, 1e6)
     mapped = head.object("columns")

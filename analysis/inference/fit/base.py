@@ -12,8 +12,9 @@ import numpy as np
 from analysis.collision import Collision, Floats, Infeasible, Variant
 from analysis.inference.fit.effective_parameters import Point
 from analysis.shot import Fit, Motion, plate_count
+from levimass import BASE_MODELS, DRIVE
 
-MODELS = ("paper", "clamped", "no_tension", "contact")
+_MODELS = {name: model for name, model in BASE_MODELS.items() if name != DRIVE}
 
 PLATE_NAMES = (
     "plate_stiffness_n_per_m",
@@ -100,11 +101,10 @@ class Base:
 
 def base_named(model: str) -> Base:
     """Return the base model with this name; a ValueError lists the known ones."""
-    if model == "contact":
-        return Base(Variant.PAPER, one_body=True)
-    if model not in MODELS:
-        raise ValueError(f"no base model {model!r}; there are {', '.join(MODELS)}")
-    return Base(Variant.named(model), one_body=False)
+    if model not in _MODELS:
+        raise ValueError(f"no base model {model!r}; there are {', '.join(_MODELS)}")
+    one_body = _MODELS[model].one_body
+    return Base(Variant.PAPER if one_body else Variant[model.upper()], one_body)
 
 
 def base_of(model: str, plates: int) -> Base:

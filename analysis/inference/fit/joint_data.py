@@ -17,6 +17,7 @@ from analysis.inference.noise.sway import on_site
 from analysis.reading import read_frame_motion
 from analysis.shot import AnalysisError, Floats, Motion, VibrationSpectrum
 from analysis.signal import MIN_NOISE_M
+from levimass import PAPER_MODEL
 
 _MIN_A_TURN = 10.0  # least samples per period of the fastest frame motion
 _SAMPLES = 100  # fewest third differences for a noise estimate
@@ -81,7 +82,7 @@ def frame_motions_of(
 
     It is included in the "paper" model only, at a sufficient sample rate.  Cost of reading: about 0.1 s per shot.
     """
-    if model != "paper" or not all(resolves_frame_motion(motion) for motion in motions):
+    if model != PAPER_MODEL or not all(resolves_frame_motion(motion) for motion in motions):
         return (None,) * len(motions)
     return tuple(known if known is not None else side_by_side(read_frame_motion, motions))
 

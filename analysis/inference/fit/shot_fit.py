@@ -26,6 +26,7 @@ from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import on_site
 from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Stop, VibrationSpectrum
+from levimass import PAPER_MODEL
 
 _PLATE_MOTION = effect_named("plate_motion")
 _EVALUATIONS, _TO_CONTINUE = 60, 120  # limits for a search, and for its continuation if it had not converged
@@ -42,7 +43,7 @@ _MIN_SHARE = 0.7  # least share of the excess chi^2: a ringing plate explains 99
 def fit_shots(
     motions: Sequence[Motion],
     *,
-    model: str = "paper",
+    model: str = PAPER_MODEL,
     effects: Sequence[Effect | str] = (),
     cancelled: Stop | None = None,
     vibrations: Sequence[VibrationSpectrum | None] = (),
@@ -64,9 +65,7 @@ def fit_shots(
     if len(without_nuisances(chosen)) > MAX_EFFECTS or len(set(chosen)) != len(chosen):
         raise ValueError(f"effects must be at most {MAX_EFFECTS} different ones")
     stop = cancelled or (lambda: False)
-    shaken = (
-        model == "paper" and _PLATE_MOTION not in chosen and all(resolves_frame_motion(motion) for motion in motions)
-    )
+    shaken = model == PAPER_MODEL and _PLATE_MOTION not in chosen and all(map(resolves_frame_motion, motions))
     site = site_under(motions, vibrations, 0.0) if shaken and any(vibrations) else None
     best = _fit_on(site, motions, model, chosen, stop)
     if site is not None and _POOR_FIT < best.reduced_chi2 < BIASED_CHI2:

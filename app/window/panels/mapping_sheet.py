@@ -12,8 +12,8 @@ from app.window.widgets import Sheet, added, combo_box, fill_box, line_edit, pus
 from app.words import Markup, joined, lines, localised_number, number, tag, typed_number
 from instrument.files import (
     LENGTHS_M,
-    MODELS,
     TABLE,
+    WITHOUT_FORCE,
     ForeignChannel,
     ForeignContents,
     ForeignMapping,
@@ -38,7 +38,7 @@ ROLES = {  # role -> (label, tooltip)
 }
 NONE = "not in this file"
 UNIT_ITEMS = [(unit.replace("u", "µ"), unit) for unit in LENGTHS_M]
-MODEL_ITEMS = tuple(zip(("contact: one body, spring", "paper: block and plate"), MODELS, strict=True))
+MODEL_ITEMS = [(f"{model.name}: {model.bodies}", model.in_record) for model in reversed(WITHOUT_FORCE)]
 NUMBERS = {  # key -> (label, factor to SI units, tooltip, placeholder)
     "mass_kg": ("Moving mass (g)", 1e-3, "Block with corner cube and extension; force and impulse scale with it", ""),
     "rest_hz": (

@@ -14,7 +14,7 @@ from app.session import PLAN, Diagnosed, Entry, NextShots, OwnLaws, ShotJob, Wor
 from app.window.layout import Layout
 from app.window.theme import Tone
 from instrument.files import RecordingError
-from levimass import is_drive
+from levimass import PAPER_MODEL, is_drive
 
 Forces = tuple[Diagnosis, DriveCurves, DriveCurves]  # a drive's diagnosis, and its curves before and after it
 
@@ -140,7 +140,7 @@ class DiagnosisPresenter(QObject):
         if found is not None:
             return found.diagnosis.fit_before.model
         entry = self._workbench.session.entry(next(reversed(self._panels.table.numbers), 0))
-        return entry.settings.model if entry is not None else "paper"
+        return entry.settings.model if entry is not None else PAPER_MODEL
 
 
 class LawsPresenter(QObject):

@@ -77,10 +77,10 @@ def test_independent_of_a_mass_error() -> None:
     assert contact_cor(scaled) == pytest.approx(contact_cor(PAPER), rel=1e-11)
 
 
-@pytest.mark.parametrize("model", ["paper", "clamped", "no_tension"])
-def test_uncertainty_is_that_of_differences(model: str) -> None:
+@pytest.mark.parametrize("variant", list(Variant))
+def test_uncertainty_is_that_of_differences(variant: Variant) -> None:
     """Against derivatives taken by differences of the solver, with correlated parameters."""
-    collision = replace(PAPER, variant=Variant.named(model))
+    collision = replace(PAPER, variant=variant)
     values = np.array([getattr(collision, name) for name in NAMES])
     root = np.diag(1e-3 * values) @ (np.eye(4) + 0.3 * np.tril(np.ones((4, 4)), -1))
     covariance = root @ root.T
@@ -89,7 +89,7 @@ def test_uncertainty_is_that_of_differences(model: str) -> None:
         up, down = (contact_cor(replace(collision, **{name: value * f})) for f in (1 + 1e-5, 1 - 1e-5))
         gradient.append((up - down) / (2e-5 * value))
     expected = math.sqrt(np.array(gradient) @ covariance @ np.array(gradient))
-    reading = fitted_contact_cor(fit_of(collision, covariance, model), collision.block_mass_kg)
+    reading = fitted_contact_cor(fit_of(collision, covariance, variant.name.lower()), collision.block_mass_kg)
     assert isinstance(reading, Quantity)
     assert reading.value == pytest.approx(contact_cor(collision), rel=1e-9)
     assert reading.std == pytest.approx(expected, rel=1e-5)

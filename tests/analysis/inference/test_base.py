@@ -51,8 +51,10 @@ def test_a_collision_is_that_of_the_shots_plate() -> None:
 
 def test_a_base_model_has_a_name() -> None:
     assert base_named("contact") == ALONE and base_named("clamped") == Base(Variant.CLAMPED, one_body=False)
-    with pytest.raises(ValueError, match="no base model 'x'; there are paper, "):
-        base_named("x")
+    assert base_named("paper").variant is Variant.PAPER and base_named("no_tension").variant is Variant.NO_TENSION
+    for name in ("x", "driven"):
+        with pytest.raises(ValueError, match=f"no base model '{name}'; there are paper, clamped, no_tension, contact$"):
+            base_named(name)
 
 
 def test_a_search_begins_where_a_fit_of_the_shots_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 import levimass
 from instrument.devices.sources import SOURCES
+from levimass import settings
 
 HOUSE = Path(__file__).resolve().parents[1]
 FORBIDDEN = {
@@ -205,6 +206,33 @@ def _product() -> dict[str, str]:
 
 def test_nobody_imports_past_what_a_package_exports() -> None:
     assert {name: past for name, text in _product().items() if (past := _past(name, text))} == {}
+
+
+def _back_through_levimass(module: str, text: str) -> set[str]:
+    """Return what a source takes from ``levimass`` but the declared settings; the rest of it calls every package."""
+    crossing = [(of, name) for of, name in _crossing(module, text) if _package(of) == "levimass"]
+    return {f"{of} {name}" for of, name in crossing if name not in vars(settings)}
+
+
+def test_analysis_and_instrument_take_nothing_but_settings_from_levimass() -> None:
+    below = {name: text for name, text in _product().items() if name.startswith(("analysis.", "instrument."))}
+    assert below
+    assert {name: back for name, text in below.items() if (back := _back_through_levimass(name, text))} == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "back"),
+    [
+        ("from levimass import DRIVE, settings_of", set()),
+        ("from levimass import DRIVE, simulate", {"levimass simulate"}),
+        ("def f():\n    from levimass import analyse as again", {"levimass analyse"}),
+        ("import levimass", {"levimass "}),
+        ("import levimass.settings", {"levimass.settings "}),
+        ("from levimass import settings", {"levimass settings"}),
+    ],
+)
+def test_a_way_back_through_levimass_is_seen(text: str, back: set[str]) -> None:
+    assert _back_through_levimass("analysis.shot.shot", text) == back
 
 
 @pytest.mark.parametrize(

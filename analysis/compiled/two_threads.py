@@ -118,21 +118,19 @@ def _solver() -> Callable[..., None]:
 _dtrsm = _solver()
 
 
-def solve_triangle(
-    triangle: Floats, rows: Floats, *, lower: bool, transposed: bool = False, in_place: bool = False
-) -> Floats:
+def solve_triangle(triangle: Floats, rows: Floats, *, lower: bool, transposed: bool = False) -> Floats:
     """Return the inverse of a triangular matrix, shape (r, r), times ``rows``, shape (r,) or (r, k).
 
-    ``transposed``: the inverse of its transpose; ``in_place``: rows in Fortran order are overwritten.  The other half
-    of the matrix is not read, and values are not checked: a zero on the diagonal gives infinities.  Cost: r^2 k / 2
-    multiply-adds.  Raises ValueError if the shapes do not match.
+    ``transposed``: the inverse of its transpose.  The other half of the matrix is not read, and values are not checked:
+    a zero on the diagonal gives infinities.  Cost: r^2 k / 2 multiply-adds.  Raises ValueError if the shapes do not
+    match.
     """
     size = triangle.shape[0]
     if triangle.shape != (size, size) or rows.shape[:1] != (size,):
         raise ValueError(f"a matrix of shape {triangle.shape} is not solved with rows of shape {rows.shape}")
     by_rows = triangle.flags.c_contiguous  # BLAS reads this order as the transpose
     matrix = triangle if by_rows else np.asfortranarray(triangle, dtype=np.float64)
-    out = np.array(rows, dtype=np.float64, order="F", copy=not in_place or None)
+    out = np.array(rows, dtype=np.float64, order="F")
     if not out.size:
         return out
     _dtrsm(

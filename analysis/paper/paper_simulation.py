@@ -21,7 +21,6 @@ class Simulated:
     """The numbers of a solved collision; times in s from the first touch."""
 
     trajectory: Trajectory
-    onsets_s: tuple[float, ...]
     releases_s: tuple[float, ...]
     force_peaks_s: tuple[float, ...]
     velocity_out_m_per_s: float
@@ -68,7 +67,6 @@ def simulate(collision: Collision) -> Simulated:
     stepped = gear(collision, 1.05 * off[-1])
     return Simulated(
         trajectory=run,
-        onsets_s=on,
         releases_s=off,
         force_peaks_s=peaks,
         velocity_out_m_per_s=out,

@@ -3,7 +3,7 @@
 The module also holds the disturbance of the measured path: steady lines, random floor vibration, and knocks.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -66,30 +66,6 @@ class VibrationSpectrum:
     @property
     def rms_m(self) -> float:
         return float(np.sqrt(self.power_m2.sum()))
-
-    def without_noise(self, density: Callable[[Floats], Floats]) -> "VibrationSpectrum":
-        """Return the vibration minus noise of one-sided ``density`` (m^2/Hz) that its estimate still contains."""
-        power = self.power_m2.copy()
-        known = self.frequency_hz[self.random]
-        if known.size > 1:
-            power[self.random] = np.maximum(power[self.random] - density(known) * np.gradient(known), 0.0)
-        return VibrationSpectrum(self.frequency_hz, power, self.random)
-
-    def with_spacing(self, spacing_hz: float) -> "VibrationSpectrum":
-        """Return the vibration with its density represented by sines spaced by at most ``spacing_hz``.
-
-        The sum of equally spaced sines repeats after 1 / spacing, so it represents a spectrum only for shorter times.
-        """
-        known = self.frequency_hz[self.random]
-        if known.size < 2 or np.diff(known).max() <= spacing_hz:
-            return self
-        parts = np.maximum(np.ceil(np.diff(known) / spacing_hz), 1).astype(np.int64)
-        place = np.arange(known.size)
-        within = np.concatenate([k + np.arange(count) / count for k, count in enumerate(parts)] + [place[-1:]])
-        fine = np.interp(within, place, known)
-        density = np.interp(fine, known, self.power_m2[self.random] / np.gradient(known))
-        floor = VibrationSpectrum(fine, density * np.gradient(fine), np.ones(fine.size, dtype=np.bool_))
-        return floor._with(self.below(0.0))
 
     def below(self, frequency_hz: float) -> "VibrationSpectrum":
         """Return the random part below a frequency, and all lines."""

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from app.command_line.options import USAGE
 from app.command_line.outputs import error_line, say
 from instrument.bench import QUIET, parse, site_named
 from instrument.bench import simulate as write_simulated
@@ -76,7 +77,7 @@ def simulate(
         effects = parse(effect) if effect else None
     except ValueError as error:
         say(f"--effect: {error}")
-        return 2
+        return USAGE
     place = site_named(site) if site is not None else QUIET  # the parser has checked the name
     try:
         paths = write_simulated(folder, shots, seed, effects, undeclared, site=place)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
+from app.command_line.options import FAILED, INTERRUPTED, OK
 from app.command_line.parser import command_of, parse, settings_from
 from app.words import EscapingStream
 
@@ -113,9 +114,6 @@ def _acquire(options: argparse.Namespace) -> Run:
     from app.command_line.resolve import resolve
 
     return partial(resolve, options.acquire, options.resolve, request, options.json, reach_of(options))
-
-
-OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:

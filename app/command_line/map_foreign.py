@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.shot import Role, Setup
+from app.command_line.options import USAGE
 from app.command_line.outputs import say
 from instrument.files import (
     FOLDER_MAPPING,
@@ -77,7 +78,7 @@ def map_foreign(
             print(_listing(foreign_channels(path)))
     except WrongOption as error:
         say(f"--map: {error}")
-        return 2
+        return USAGE
     except RecordingError as error:
         say(error)
         return 1

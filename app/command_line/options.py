@@ -158,6 +158,7 @@ def _of_setting(setting: Setting) -> Option:
     return Option(setting.flag, said, setting.metavar, number)
 
 
+OK, FAILED, USAGE, INTERRUPTED = 0, 1, 2, 130  # exit statuses
 CHOSEN = tuple(setting for setting in settings_of(AnalysisChoices) if setting.flag)
 GROUPS = (
     Group("with --doctor", ("doctor",), (

@@ -38,7 +38,7 @@ class WrongSettings(Exception):
 SITES = tuple(
     (name, f"{name} ({LEVELS_M_PER_S[name] * 1e6:.3g} µm/s)" if name in LEVELS_M_PER_S else name) for name in NAMES
 )
-RIG, AIR, SHOT, SWITCH, ANALYSIS, BENCH, LOOKS, TRIGGER, NEXT = GROUPS = (
+RIG, AIR, SHOT, SWITCH, _, BENCH, LOOKS, TRIGGER, NEXT = GROUPS = (
     *("The rig", "Air in the beam path", "The shot", "Light switch", "Analysis", "Simulated bench"),
     *("Folders and appearance", "At the trigger", "The next shot"),
 )

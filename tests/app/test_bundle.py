@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from app.command_line import doctor
-from app.command_line.cli import USAGE, main
+from app.command_line.cli import main
 from app.command_line.doctor import write_bundle
+from app.command_line.options import USAGE
 from instrument.devices.doctor import Check, Grade
 
 

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from app.command_line import cli
-from app.command_line.cli import FAILED, INTERRUPTED, USAGE, main
-from app.command_line.options import GROUPS, commands_of
+from app.command_line.cli import main
+from app.command_line.options import FAILED, GROUPS, INTERRUPTED, USAGE, commands_of
 from app.command_line.outputs import json_text
 from app.command_line.parser import command_parser, flat_parser, parse
 

@@ -24,7 +24,6 @@ _MAX_POWER = 12  # largest integer exponent that is evaluated as a product
 
 TIME = "t"  # time since the first touch: a hidden state of rate one
 STATE = {"x": X, "v": V, "y": Y, "u": U, "d": XI, "d_rate": XI_RATE, TIME: Q}
-UNITS = {"x": "m", "v": "m/s", "y": "m", "u": "m/s", "d": "m", "d_rate": "m/s", TIME: "s"}
 _CONSTANTS = {"pi": math.pi}
 _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 

@@ -15,8 +15,7 @@ from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.frame_response import STILL, plate_swing_std, responses
 from analysis.pipeline import analyse
 from analysis.shot.consistency import flags_affecting
-from analysis.shot.impact import VibrationLine, VibrationSpectrum
-from analysis.shot.quantity import Quantity
+from analysis.shot.impact import VibrationSpectrum
 from analysis.shot.shot import Shot
 from instrument.bench import forces as slot
 from instrument.bench.effects import Effects, force_slots
@@ -87,20 +86,6 @@ def test_an_effect_changes_what_a_moving_frame_adds(effects: Effects) -> None:
 def _shot(site: str, seed: int, *knocks: Knock) -> Shot:
     rig = Bench(site=replace(site_named(site), knocks=knocks), seed=seed)
     return analyse(record_shot(rig, 0, 0.27, 10e6, 0.06)[0])
-
-
-def test_closer_sines_stand_for_the_same_floor_over_longer() -> None:
-    frequency = np.arange(2.0, 1000.0, 20.0)
-    vibration = VibrationSpectrum(frequency, 1e-15 / (frequency + 60.0) ** 2, np.ones(frequency.size, dtype=np.bool_))
-    line = VibrationLine(Quantity(296.0, 0.1), Quantity(1e-8, 1e-10), 0.0)
-    close = vibration.with_lines([line]).with_spacing(7.0)
-    assert np.diff(close.frequency_hz[close.random]).max() <= 7.0
-    assert np.array_equal(close.frequency_hz[~close.random], [295.9, 296.1])
-    assert close.power_m2[close.random].sum() == pytest.approx(vibration.power_m2.sum(), rel=0.1)
-    covariance = [
-        s.power_m2[s.random] @ np.cos(2 * np.pi * s.frequency_hz[s.random] * 0.05) for s in (vibration, close)
-    ]
-    assert abs(covariance[1]) < 0.3 * abs(covariance[0])  # twenty hertz apart, all sines meet again after 50 ms
 
 
 def test_the_touch_is_found_under_a_strong_line() -> None:

@@ -31,6 +31,10 @@ def row_of(table: Reproduction, key: str) -> PaperRow:
     return row
 
 
+def onsets_s(simulated: Simulated) -> list[float]:
+    return [event.time_s for event in simulated.trajectory.events if event.kind == "touch"]
+
+
 @pytest.fixture(scope="module")
 def run() -> Simulated:
     return simulate(PAPER)
@@ -43,7 +47,7 @@ def table() -> Reproduction:
 
 def test_reference_solution(run: Simulated) -> None:
     """docs/physics.md, "the model", to the digits given there."""
-    assert run.onsets_s == pytest.approx((0.0, 1.56573968e-3, 2.34904083e-3), abs=5e-12)
+    assert onsets_s(run) == pytest.approx([0.0, 1.56573968e-3, 2.34904083e-3], abs=5e-12)
     assert run.releases_s == pytest.approx((0.45318387e-3, 2.16218652e-3, 28.70771255e-3), abs=5e-12)
     assert run.velocity_out_m_per_s == pytest.approx(0.261702343, abs=5e-10)
     assert run.cor_quasi_static == pytest.approx(0.987556, abs=5e-7)
@@ -66,7 +70,7 @@ def test_clamped_solution() -> None:
     assert clamped.velocity_out_m_per_s == pytest.approx(0.261136, abs=6e-7)
     assert clamped.force_peaks_s == pytest.approx((0.162e-3, 1.934e-3, 3.029e-3), abs=5e-7)
     assert clamped.cor_force_peaks == pytest.approx(0.618, abs=5e-4)
-    assert clamped.onsets_s[:3] == pytest.approx((0.0, 1.737e-3, 2.792e-3), abs=5e-7)
+    assert onsets_s(clamped)[:3] == pytest.approx([0.0, 1.737e-3, 2.792e-3], abs=5e-7)
 
 
 def test_the_audit_has_every_number_of_the_list(table: Reproduction) -> None:
@@ -209,12 +213,13 @@ def test_a_slower_rig_has_the_same_collision_on_a_longer_clock(run: Simulated) -
         )
     )
     for name, factor in (
-        *(("onsets_s", 2), ("releases_s", 2), ("force_peaks_s", 2), ("velocity_out_m_per_s", 1)),
+        *(("releases_s", 2), ("force_peaks_s", 2), ("velocity_out_m_per_s", 1)),
         *(("cor_quasi_static", 1), ("cor_force_peaks", 1), ("cor_onsets", 1), ("cor_flights", 1), ("cor_contact", 1)),
         *(("force_peak_n", 0.5), ("force_peak_at_s", 2), ("deflection_max_m", 2), ("contact_time_s", 2)),
     ):
         expected = np.multiply(getattr(run, name), factor)
         assert getattr(slow, name) == pytest.approx(expected, rel=1e-5), name
+    assert onsets_s(slow) == pytest.approx(np.multiply(onsets_s(run), 2), rel=1e-5)
     assert slow.fwhm_outermost_s == pytest.approx(2 * run.fwhm_outermost_s, rel=1e-5)
     assert slow.velocity_out_gear_m_per_s == pytest.approx(slow.velocity_out_m_per_s, abs=1e-6)
 
@@ -222,7 +227,7 @@ def test_a_slower_rig_has_the_same_collision_on_a_longer_clock(run: Simulated) -
 def test_a_collision_without_bounces_has_no_kinetic_ratios() -> None:
     """A contact hardly stiffer than the plate: both swing as one."""
     once = simulate(replace(PAPER, contact_stiffness_n_per_m=1000.0, contact_damping_n_s_per_m=0.1))
-    assert len(once.onsets_s) == len(once.force_peaks_s) == 1
+    assert len(onsets_s(once)) == len(once.force_peaks_s) == 1
     assert math.isnan(once.cor_force_peaks) and math.isnan(once.cor_onsets) and math.isnan(once.cor_flights)
     in_series = 221.4 * 1000.0 / 1221.4
     assert once.contact_time_s == pytest.approx(half_sine_time_s(in_series, 17.85e-3), rel=0.01)

@@ -6,7 +6,7 @@ from .impact import Disturbance, Impact, KineticCor, VibrationLine, VibrationSpe
 from .motion import BeatQuality, Floats, Motion
 from .plate import Disc, Number, PlateTolerance, compliance_of, corrected_slope, stated_stiffness_n_per_m
 from .plates_of_set import describe_plates, describe_weights, plate_count, plate_numbers, why_no_joint_fit
-from .quantity import NotSeen, Quantity, Reading, display_unit, split_unit, to_json
+from .quantity import NotSeen, Quantity, Reading, display_unit, power_of_second, split_unit, to_json
 from .recording import (
     AIR,
     DEFAULT_WAVELENGTH_AIR_M,
@@ -94,6 +94,7 @@ __all__ = [
     "plate",
     "plate_count",
     "plate_numbers",
+    "power_of_second",
     "program_version",
     "rate_error",
     "reading_flags",

@@ -94,12 +94,16 @@ def split_unit(name: str) -> tuple[str, str]:
 
 def power_of_time(name: str) -> int:
     """Return the power of the second in the unit of a name: -2 for "stiffness_n_per_m", as N is kg m/s²."""
-    unit = split_unit(name.rpartition(".")[2])[1]
+    return power_of_second(split_unit(name.rpartition(".")[2])[1])
+
+
+def power_of_second(unit: str) -> int:
+    """Return the power of the second in a unit: -1 for "N s/m", as N is kg m/s²."""
     above, _, below = unit.partition("/")
-    return _power_of_second(above) - _power_of_second(below.strip("()"))
+    return _power_above(above) - _power_above(below.strip("()"))
 
 
-def _power_of_second(spelled: str) -> int:
+def _power_above(spelled: str) -> int:
     found = [re.fullmatch(r"(N|s|Hz)([²³⁴]?)", part) for part in spelled.split()]
     powers = {"": 1, "²": 2, "³": 3, "⁴": 4}
     return sum(_POWER_OF_TIME[match[1]] * powers[match[2]] for match in found if match)

@@ -20,14 +20,10 @@ RATE_CONTRADICTED = "rate_contradicted"
 DELIVERED_KEY = "lmm:delivered_rate_hz"  # global key: rate by the computer's clock, if it differs from the stated rate
 REST_STATED_U = 5e-4  # relative tolerance of a rest frequency stated without uncertainty: a laser's drift over months
 RATE_SIGMAS = 2.0  # standard uncertainties by which the rates must differ
-_POWER_OF_RATE = {
-    "velocity_in_m_per_s": 1,
-    "velocity_out_m_per_s": 1,
-    "force_peak_n": 2,
-    "stiffness_slope_n_per_m": 2,
-    "contact_time_s": 1,
-    "force_fwhm_s": 1,
-}
+_SCALED = (
+    *("velocity_in_m_per_s", "velocity_out_m_per_s", "force_peak_n", "stiffness_slope_n_per_m"),
+    *("contact_time_s", "force_fwhm_s"),
+)
 
 
 def rate_error(recording: Recording, rest_hz: Quantity | None) -> float:
@@ -65,7 +61,7 @@ def with_rate_error(impact: Impact, motion: Motion) -> Impact:
     """Return the readings with the error of the sample rate added to their standard uncertainties."""
     if not motion.rate_error:
         return impact
-    added = {name: _std_by_share(impact, name, power * motion.rate_error) for name, power in _POWER_OF_RATE.items()}
+    added = {name: _std_by_share(impact, name, abs(power_of_time(name)) * motion.rate_error) for name in _SCALED}
     offset = velocity_offset_m_per_s(motion)
     if offset > 0.0:
         for name in ("velocity_in_m_per_s", "velocity_out_m_per_s"):

@@ -19,6 +19,7 @@ from analysis.shot import (
     Reading,
     Setup,
     Shot,
+    power_of_second,
     refractive_index,
     wavelength_in_air_m,
 )
@@ -128,12 +129,12 @@ class ShotSources:
         return self._sources[variable]
 
     def with_type_a(
-        self, reading: Reading | None, name: str, unit: str, *, without_mass: bool = False, per_time: int = 0
+        self, reading: Reading | None, name: str, unit: str, *, without_mass: bool = False
     ) -> Number | None:
         """Return a reading with its own type A uncertainty, or None if it was not read.
 
-        ``without_mass`` removes the mass's part from the reading's uncertainty.  ``per_time``, the power of the sample
-        rate with which the reading scales, removes the part of a contradicted rate.
+        The part of a contradicted sample rate, with which the reading scales by the power of time in its ``unit``, is
+        removed; ``without_mass`` removes the mass's part.
         """
         if not isinstance(reading, Quantity) or not (math.isfinite(reading.value) and math.isfinite(reading.std)):
             return None
@@ -143,7 +144,7 @@ class ShotSources:
             carried = reading.value * motion.moving_mass_u_kg / motion.moving_mass_kg
             std = math.sqrt(max(0.0, std**2 - carried**2))
         if self._rate_error:
-            carried = per_time * reading.value * self._rate_error
+            carried = power_of_second(unit) * reading.value * self._rate_error
             std = math.sqrt(max(0.0, std**2 - carried**2))
         return self.number(reading.value, std, name, "A", unit, reading.how)
 

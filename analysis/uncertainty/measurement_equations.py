@@ -42,21 +42,14 @@ def stiffness(sources: ShotSources) -> Number:
     return sources.mass_scale / sources.timebase**2
 
 
-def scaled(
-    noise: str,
-    scale: Scale | None = None,
-    *,
-    per_time: int = 0,
-    length_cancels: bool = False,
-) -> Equation:
+def scaled(noise: str, scale: Scale | None = None, *, length_cancels: bool = False) -> Equation:
     """Return the equation of a reading times one scale.
 
-    ``per_time`` is passed to ``ShotSources.with_type_a``.  ``length_cancels`` lists the sources of length in the budget
-    with zero sensitivity.
+    ``length_cancels`` lists the sources of length in the budget with zero sensitivity.
     """
 
     def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-        seen = inputs.sources.with_type_a(reading, noise, unit, per_time=per_time)
+        seen = inputs.sources.with_type_a(reading, noise, unit)
         if seen is None or scale is None:
             return seen
         number, extent = seen * scale(inputs.sources), length(inputs.sources)
@@ -70,7 +63,7 @@ def velocity(noise: str) -> Equation:
 
     def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
         sources = inputs.sources
-        seen = sources.with_type_a(reading, noise, unit, per_time=1)
+        seen = sources.with_type_a(reading, noise, unit)
         return None if seen is None else (seen + sources.rest_velocity_m_per_s) * sources.velocity_scale
 
     return equation
@@ -90,7 +83,7 @@ def deflection(inputs: EquationInputs, reading: Reading, unit: str) -> Number | 
 def slope_of_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return the slope dF/dy, a stiffness; an error of the rest frequency shears the deflection of its line fit."""
     impact, sources = inputs.shot.impact, inputs.sources
-    seen = sources.with_type_a(reading, "beat noise, slope", unit, without_mass=True, per_time=2)
+    seen = sources.with_type_a(reading, "beat noise, slope", unit, without_mass=True)
     if seen is None or impact is None:
         return None
     sheared = 1.0 + _slope_error_per_velocity(impact) * sources.rest_velocity_m_per_s
@@ -159,7 +152,7 @@ def ratio_of_times(instants: Callable[[Impact], tuple[Instants, Instants]]) -> E
 def peak_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
     """Return the peak force m_b a; the acceleration scales with length / time^2."""
     impact, sources = inputs.shot.impact, inputs.sources
-    peak = sources.with_type_a(reading, "beat noise, force", unit, without_mass=True, per_time=2)
+    peak = sources.with_type_a(reading, "beat noise, force", unit, without_mass=True)
     if peak is None or impact is None:
         return None
     scale = sources.mass_scale * sources.length_scale / sources.timebase**2
@@ -175,7 +168,7 @@ def stiffness_from_slope(inputs: EquationInputs, reading: Reading, unit: str) ->
     if slope is None or fit is None or not fit.converged:
         return None
     plate = sources.with_type_a(fit.parameters.get("plate_mass_kg"), "m_p* of the fit", "kg")
-    contact = sources.with_type_a(fit.parameters.get("contact_stiffness_n_per_m"), "k_N of the fit", "N/m", per_time=2)
+    contact = sources.with_type_a(fit.parameters.get("contact_stiffness_n_per_m"), "k_N of the fit", "N/m")
     if plate is None or contact is None:
         return None
     return corrected_slope(slope, plate * sources.mass_scale, contact * stiffness(sources), sources.mass_kg)

@@ -167,11 +167,11 @@ NUMBERS = (
     ResultNumber(
         "force_fwhm_s", "pulse width", "pulse width (FWHM)", "s", MOTION, READ,
         "Full width at half maximum of the smooth pulse.",
-        equation=by.scaled("beat noise, pulse width", by.clock, per_time=1),
+        equation=by.scaled("beat noise, pulse width", by.clock),
     ),
     ResultNumber(
         "contact_time_s", "contact time", "contact time", "s", MOTION, READ, "From first touch to last release.",
-        equation=by.scaled("beat noise, contact time", by.clock, per_time=1), symbol="contact", large=True,
+        equation=by.scaled("beat noise, contact time", by.clock), symbol="contact", large=True,
     ),
     ResultNumber(
         "deflection_max_m", "deflection", "deflection", "m", MOTION, READ, "Greatest deflection of the plate.",
@@ -179,7 +179,7 @@ NUMBERS = (
     ),
     ResultNumber(
         "plate_stiffness_n_per_m", "k_p", "k_p, fitted", "N/m", PLATE, FITTED, "Stiffness of the plate, fitted.",
-        equation=by.scaled(by.FIT_NOISE, by.stiffness, per_time=2, length_cancels=True), repeats=True, listed=True,
+        equation=by.scaled(by.FIT_NOISE, by.stiffness, length_cancels=True), repeats=True, listed=True,
     ),
     ResultNumber(
         "plate_mass_kg", "m_p*", "m_p*, fitted", "kg", PLATE, FITTED, "Effective moving mass of the plate, fitted.",
@@ -187,11 +187,11 @@ NUMBERS = (
     ),
     ResultNumber(
         "contact_stiffness_n_per_m", "k_N", "k_N, fitted", "N/m", PLATE, FITTED, "Stiffness of the contact, fitted.",
-        equation=by.scaled(by.FIT_NOISE, by.stiffness, per_time=2), repeats=True,
+        equation=by.scaled(by.FIT_NOISE, by.stiffness), repeats=True,
     ),
     ResultNumber(
         "contact_damping_n_s_per_m", "γ_N", "γ_N, fitted", "N s/m", PLATE, FITTED, "Damping of the contact, fitted.",
-        equation=by.scaled(by.FIT_NOISE, by.damping, per_time=1), repeats=True,
+        equation=by.scaled(by.FIT_NOISE, by.damping), repeats=True,
     ),
     ResultNumber(
         "stiffness_slope_n_per_m", "slope of F", "slope of force vs deflection", "N/m", PLATE, READ,

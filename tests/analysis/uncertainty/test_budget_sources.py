@@ -60,14 +60,14 @@ def test_a_contradicted_rate_is_the_clock_s_uncertainty_and_is_taken_from_each_r
     assert sources.timebase.std_dev == pytest.approx(math.hypot(3e-3, KNOWN.timebase_u))  # type: ignore[union-attr]
     carried = 2 * 0.5 * 3e-3
     reading = Quantity(0.5, math.hypot(1e-3, carried), "how")
-    assert sources.with_type_a(reading, "n", "N", per_time=2).std_dev == pytest.approx(1e-3)  # type: ignore[union-attr]
-    assert sources.with_type_a(reading, "n", "N").std_dev == reading.std  # type: ignore[union-attr]
+    assert sources.with_type_a(reading, "n", "N").std_dev == pytest.approx(1e-3)  # type: ignore[union-attr]
+    assert sources.with_type_a(reading, "n", "m").std_dev == reading.std  # type: ignore[union-attr]
     less = Quantity(0.5, 1e-6, "")
-    assert sources.with_type_a(less, "n", "N", per_time=-2) == 0.5  # all of it is the clock's
+    assert sources.with_type_a(less, "n", "N") == 0.5  # all of it is the clock's
     for unseen in (NotSeen("x"), None, Quantity(math.nan, 1.0), Quantity(1.0, math.nan)):
         assert sources.with_type_a(unseen, "n", "N") is None
     whole = ShotSources(shot_of(setup=LASER), KNOWN)
-    assert whole.with_type_a(reading, "n", "N", per_time=2).std_dev == reading.std  # type: ignore[union-attr]
+    assert whole.with_type_a(reading, "n", "N").std_dev == reading.std  # type: ignore[union-attr]
 
 
 def test_the_mass_s_part_is_taken_from_a_reading_that_includes_it() -> None:

@@ -1,4 +1,4 @@
-from .paper import PaperRow, Reproduction, Status, load, paper_rig, reproduce, to_result
+from .paper import PaperRow, Reproduction, Status, load, paper_rig, printed_value, reproduce, to_result
 from .paper_figures import Curve, Figure, Row, figures
 
 __all__ = [
@@ -11,6 +11,7 @@ __all__ = [
     "figures",
     "load",
     "paper_rig",
+    "printed_value",
     "reproduce",
     "to_result",
 ]

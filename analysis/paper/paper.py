@@ -110,6 +110,12 @@ def load() -> Mapping[str, Any]:
         return tomllib.load(file)
 
 
+def printed_value(key: str) -> float:
+    """Return what the paper prints for a shot's number.  Raises KeyError if it prints nothing."""
+    printed = {_RECORDED.get(row["key"]): row["paper"] for row in load()["row"] if "paper" in row}
+    return float(printed[key])
+
+
 def paper_rig(numbers: Mapping[str, Any]) -> PaperRig:
     """Return the paper's rig and simulation as types of this program."""
     from analysis.paper.paper_audit import PaperRig  # imports the model, which the window does not need for the numbers

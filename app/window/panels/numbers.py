@@ -6,6 +6,7 @@ from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QScrollArea, QWidget
 
+from analysis.paper import printed_value
 from analysis.shot import Quantity, Reading, Shot, flags_affecting
 from analysis.uncertainty import Group, ResultNumber, combined_uncertainties, shown_numbers, with_combined_uncertainty
 from app.window.state_words import flag_line, flag_tone
@@ -27,7 +28,7 @@ from app.words import (
 )
 from levimass import is_drive
 
-PAPERS_KINETIC, PAPERS_VALUE = "cor_kinetic.force_peaks", 0.5667  # from resources/paper.toml
+PAPERS_KINETIC = "cor_kinetic.force_peaks"
 WIDE = 0.2  # relative standard uncertainty above which a number is poorly determined
 
 
@@ -140,10 +141,13 @@ class NumbersPanel(Themed, QScrollArea):
 
     def _add_fold(self, grid: QGridLayout, inner: QWidget) -> list[QWidget]:
         """Add the remark that one kinetic COR is the paper's, and the button that shows the others."""
-        note = text_label(f"the paper's ({localised_number(f'{PAPERS_VALUE:.4f}')} there)", inner, faint=True)
+        note = text_label(
+            f"the paper's ({localised_number(f'{printed_value(PAPERS_KINETIC):.4f}')} there)", inner, faint=True
+        )
         note.setToolTip("The paper times T1 and T2 between peaks of the force; PAPER (Ctrl+7) has all its numbers")
         hover = "Show the kinetic COR by onsets, by flights and of the fitted contact"
-        self.others = FoldButton("3 other definitions", hover, inner)
+        others = sum(bool(row.folded) for row in shown_numbers(Group.RESTITUTION))
+        self.others = FoldButton(f"{others} other definitions", hover, inner)
         self.others.toggled.connect(self._folded)
         line = grid.rowCount()
         grid.addWidget(note, line, 0)

@@ -6,10 +6,8 @@ from dataclasses import dataclass, field, replace
 
 from analysis.collision import Collision, Variant
 from analysis.paper.paper_simulation import Simulated, half_sine_time_s, simulate
-from analysis.shot import STANDARD_AIR, Disc, Plate, refractive_index
+from analysis.shot import HP_5518A_VACUUM_M, STANDARD_AIR, Disc, Plate, refractive_index
 from analysis.shot import plate as plates
-
-_VACUUM_M = 632.991354e-9  # wavelength of the HP 5518A (docs/physics.md, "from beats to force")
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,8 +223,8 @@ def _plate_masses(rig: PaperRig, plate: Plate) -> dict[str, AuditValues]:
 
 def _instrument(rig: PaperRig) -> dict[str, AuditValues]:
     seconds = rig.samples / rig.sample_rate_hz
-    index = refractive_index(_VACUUM_M, STANDARD_AIR)
-    wavelength = _VACUUM_M / index
+    index = refractive_index(HP_5518A_VACUUM_M, STANDARD_AIR)
+    wavelength = HP_5518A_VACUUM_M / index
     return {
         "record_length": AuditValues(
             printed=seconds,

@@ -8,9 +8,9 @@ import numpy as np
 from analysis.collision import Collision, Trajectory, solve
 from analysis.collision import simulate as gear
 from analysis.fitted import contact_cor
+from analysis.reading import SMOOTH_HZ
 from analysis.shot import Floats
 
-SMOOTH_HZ = (100.0, 250.0, 500.0)  # docs/physics.md, "the model": low-pass of the smooth pulse
 SLOPE_S = (6e-3, 28e-3)  # time span of the slope, for the paper's contact of 28.7 ms
 _GRID_S = 1e-6
 _PEAKS = 3

@@ -1,4 +1,4 @@
-from .pulse import SLOPE_SPAN
+from .pulse import SLOPE_SPAN, SMOOTH_HZ
 from .read import NoImpact, read_frame_motion, read_impact
 from .record_checks import check_collision, describe_motion, describe_reversal
 from .restricted_likelihood import (
@@ -19,6 +19,7 @@ __all__ = [
     "CRITERIA_M_PER_S",
     "MIN_S",
     "SLOPE_SPAN",
+    "SMOOTH_HZ",
     "Bands",
     "Curvature",
     "Likelihood",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 DEFAULT_WAVELENGTH_AIR_M = 632.8e-9  # the paper's; 30 ppm below Ciddor's for 20 degC, 101325 Pa, 50 % RH
+HP_5518A_VACUUM_M = 632.991354e-9  # wavelength of that laser in vacuum
 MAX_GAPS = 300
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 

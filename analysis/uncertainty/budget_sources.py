@@ -11,6 +11,7 @@ from typing import Any
 from uncertainties import ufloat
 
 from analysis.shot import (
+    HP_5518A_VACUUM_M,
     STANDARD_AIR,
     Number,
     Plate,
@@ -24,7 +25,6 @@ from analysis.shot import (
     wavelength_in_air_m,
 )
 
-_DEFAULT_VACUUM_M = 632.991354e-9  # the HP 5518A's, for the sensitivity to air if no vacuum wavelength is stated
 _STD_OF_RECTANGLE = 1.0 / math.sqrt(3.0)  # standard uncertainty per limit of a rectangular distribution (GUM 4.3.7)
 
 
@@ -231,7 +231,7 @@ class ShotSources:
             air = STANDARD_AIR
             stds = (known.room_temperature_u_k, known.room_pressure_u_pa, known.room_humidity_u_percent)
             how = "laboratory whose air was not measured"
-        wavelength = setup.wavelength_vacuum_m or _DEFAULT_VACUUM_M
+        wavelength = setup.wavelength_vacuum_m or HP_5518A_VACUUM_M  # it matters little to the sensitivity to air
         here = (air.temperature_c, air.pressure_pa, air.humidity_percent)
         index = refractive_index(wavelength, air)
         scale: Number = 1.0

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from analysis.collision import PAPER
 from analysis.shot import Role, Setup
 from app.command_line.options import USAGE
 from app.command_line.outputs import say
@@ -179,8 +180,8 @@ def _listing(contents: ForeignContents) -> str:
         name = shlex.quote(contents.channels[0].name)
         more = "" if contents.channels[0].sample_rate_hz else " --rate HZ"
         lines.append("no mapping is saved; assign the channels, for example")
-        path = shlex.quote(str(contents.path))
-        lines.append(f"  levimass --map {path} --channel measurement={name} --mass 0.01785 --rest 2.73e6{more}")
+        path, mass = shlex.quote(str(contents.path)), PAPER.block_mass_kg
+        lines.append(f"  levimass --map {path} --channel measurement={name} --mass {mass} --rest 2.73e6{more}")
         lines += _positions(contents)
     return "\n".join(lines)
 

@@ -7,9 +7,10 @@ from pathlib import Path
 
 from platformdirs import user_documents_path
 
+from analysis.collision import PAPER
 from analysis.planning import ADDED_KG, SPEEDS_M_PER_S, Reach
+from analysis.shot import HP_5518A_VACUUM_M, Setup, corrected_setup
 from analysis.shot import SETUP_KEYS as RIG_VALUES
-from analysis.shot import Setup, corrected_setup
 from instrument.bench import LEVELS_M_PER_S, NAMES, USUAL_SITE
 from instrument.capture import CaptureOptions
 from instrument.devices import CaptureSettings, Digitizer, DigitizerError, network_source, source_of
@@ -49,12 +50,13 @@ RIG, AIR, SHOT, SWITCH, _, BENCH, LOOKS, TRIGGER, NEXT = GROUPS = (
 class Settings(AnalysisChoices):
     """All settings, None if not given.  Fields without a declaration are state that the window stores itself."""
 
-    moving_mass_kg: float = number(17.85e-3, RIG, "Moving mass", "g", 1e3, 1e-4, 100.0,
+    moving_mass_kg: float = number(PAPER.block_mass_kg, RIG, "Moving mass", "g", 1e3, 1e-4, 100.0,
         "Block with corner cube and extension; force and impulse scale with it")
     moving_mass_u_kg: float = number(1e-6, RIG, "Mass uncertainty", "mg", 1e6, 0.0, 1.0,
         "Standard uncertainty of the mass")
-    wavelength_vacuum_m: float | None = number(632.991354e-9, RIG, "Wavelength in vacuum", "nm", 1e9, 200e-9, 3e-6,
-        "HP 5518A: 632.991354 nm. With the air given, the wavelength in air is computed from it", optional=True)
+    wavelength_vacuum_m: float | None = number(HP_5518A_VACUUM_M, RIG, "Wavelength in vacuum", "nm", 1e9, 200e-9, 3e-6,
+        f"HP 5518A: {1e9 * HP_5518A_VACUUM_M:.6f} nm. With the air given, the wavelength in air is computed from it",
+        optional=True)
     wavelength_air_m: float | None = number(None, RIG, "Wavelength in air", "nm", 1e9, 200e-9, 3e-6,
         "If given, it overrides the value computed from vacuum wavelength and air. Velocity and force scale with it")
     rest_frequency_hz: float | None = number(None, RIG, "Rest frequency", "MHz", 1e-6, 1e3, 1e9,

@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import Any
 from urllib.parse import unquote
 
+from analysis.collision import PAPER
 from analysis.shot import Role, Setup
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.sources import RIG
@@ -96,9 +97,6 @@ class SourceOptions:
         return replace(rig, **given)  # type: ignore[arg-type]
 
 
-PAPER_MOVING_MASS_KG = 17.85e-3
-
-
 def assumed_rig() -> Setup:
     """Return a set-up with the paper's block, marked in the recording as assumed."""
-    return Setup(moving_mass_kg=PAPER_MOVING_MASS_KG, extra=MappingProxyType({"moving_mass_assumed": True}))
+    return Setup(moving_mass_kg=PAPER.block_mass_kg, extra=MappingProxyType({"moving_mass_assumed": True}))

@@ -26,6 +26,7 @@ from instrument.files.foreign_file import (
     format_of,
 )
 from instrument.files.recording_error import RecordingError
+from instrument.files.recording_file import CLIPPED_SHARE
 from instrument.files.text_file import open_regular
 from instrument.trigger import LightSwitch, TriggerSettings
 
@@ -201,8 +202,7 @@ def _triggered(path: Path, recording: Recording) -> Recording:
 
 _TOP = 32000  # counts of the largest deviation, below the rail so that it does not count as clipped
 _RAIL = 32767
-_CLIPPED_SHARE = 1e-3  # clipped: a larger share of the samples is at the extreme, ...
-_CLIPPED_RATIO = 4.0  # ... and more than this many times as many as at the next level
+_CLIPPED_RATIO = 4.0  # clipped: also more than this many times as many samples at the extreme as at the next level
 
 
 class NotFinite(ValueError):
@@ -238,7 +238,7 @@ def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
 
 def _is_clipped(values: Column, extreme: float, inward: int) -> bool:
     at = int(np.count_nonzero(values == extreme))
-    if at <= _CLIPPED_SHARE * values.size or at < 8:
+    if at <= CLIPPED_SHARE * values.size or at < 8:
         return False
     rest = values[values != extreme]
     following = rest.max() if inward < 0 else rest.min()

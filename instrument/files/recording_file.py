@@ -28,7 +28,7 @@ ALTERED = "data_altered"
 ENDED_EARLY = "lmm:ended_early"  # global key: why a capture ended before all requested samples arrived
 _PIECE_BYTES = 4 * 2**20
 _CLIPPING_CHECK = 256, 256  # places in the file, and samples at each: enough to detect clipping, and fast
-_CLIPPED_SHARE = 1e-3
+CLIPPED_SHARE = 1e-3  # share of the samples at an extreme above which a file counts as clipped
 
 
 def read_recording(path: Path | str) -> Recording:
@@ -146,7 +146,7 @@ def _clipped(counts: NDArray[np.int16], metadata: Metadata) -> bool:
     values = np.concatenate([counts[start : start + length] for start in np.unique(starts)])[:, beats]
     rail = 1 << (metadata.setup.digitizer_bits - 1)
     at_rail = (values >= rail - 1) | (values <= -rail)
-    return bool(np.any(at_rail.mean(axis=0) > _CLIPPED_SHARE))
+    return bool(np.any(at_rail.mean(axis=0) > CLIPPED_SHARE))
 
 
 @dataclass(frozen=True, slots=True)

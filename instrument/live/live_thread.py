@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from analysis.reading import MIN_S, PlannedShot, SiteFloor, read_site
-from analysis.shot import AnalysisError, Role, Setup
+from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, AnalysisError, Role, Setup
 from analysis.signal import LiveChunk, LiveDemodulator
 from instrument.devices import CaptureSettings
 from instrument.files import disk_free_bytes, one_line
@@ -190,7 +190,7 @@ def warm() -> None:
     rate = 1e6
     counts = np.resize(np.array([0, 951, 588, -588, -951], np.int16), (2, 8192)).T.copy()
     LightSwitch(TriggerSettings(), 0, 12).first_step(counts)
-    MotionTrigger(0, 1, rate, 632.8e-9, 0.05).first_step(counts)
+    MotionTrigger(0, 1, rate, DEFAULT_WAVELENGTH_AIR_M, 0.05).first_step(counts)
     live = LiveDemodulator(rate, 0, 1, Setup(0.01), OUTPUT_HZ)
     live.feed(counts)
     live.feed(counts)

@@ -40,9 +40,9 @@ from analysis.collision import (
 from analysis.inference.fit.base import OWN_NAMES, Base
 from analysis.inference.fit.effective_parameters import Values
 from analysis.inference.fit.samples import Samples
+from analysis.shot import DEFAULT_WAVELENGTH_AIR_M
 
 STRIDE = 2.0  # of ``general.solve``: its error for a nonlinear law is then 0.05 pm, far below any noise
-_DEFAULT_WAVELENGTH_M = 632.8e-9
 _MAX_RADIANS = 1e5  # largest phase of the contact, or of an effect, over the whole record
 _MAX_RADIANS_A_SAMPLE = 60.0  # largest phase between two averaged samples that a trajectory follows
 _STEP = 1e-40  # size of a complex step
@@ -211,7 +211,7 @@ def _through_sensor(
     """Return displacement and derivatives after one sensor effect (derivatives by complex steps)."""
     assert effect.sensor is not None
     samples, names = shot.samples, shot.names
-    wavelength_m, rate_hz = samples.wavelength_m or _DEFAULT_WAVELENGTH_M, samples.factor / samples.spacing_s
+    wavelength_m, rate_hz = samples.wavelength_m or DEFAULT_WAVELENGTH_AIR_M, samples.factor / samples.spacing_s
     # an average over several samples does not determine the displacement at each of them
     measured_m = samples.displacement_m if samples.factor == 1 else None
     seen = SensorInput(time_s, velocity_m_per_s, wavelength_m, rate_hz, measured_m)

@@ -13,7 +13,6 @@ from analysis.paper import paper as papers
 from analysis.paper.paper import PaperRow, Reproduction, Status, reproduce
 from analysis.paper.paper_audit import audit_values
 from analysis.paper.paper_simulation import (
-    SMOOTH_HZ,
     Simulated,
     _outermost_width,
     _smooth_width,
@@ -21,6 +20,7 @@ from analysis.paper.paper_simulation import (
     half_sine_time_s,
     simulate,
 )
+from analysis.reading import SMOOTH_HZ
 from analysis.shot.quantity import NotSeen, Quantity, split_unit
 from tests.analysis.shots import shot_of
 

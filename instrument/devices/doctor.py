@@ -12,6 +12,7 @@ from typing import Any
 
 from instrument.devices.device_search import found_devices, udev_instructions
 from instrument.devices.digitizer import DigitizerError
+from instrument.files import error_words
 
 LOW_DISK_BYTES = 2 << 30
 EMPTY_DISK_BYTES = 200 << 20
@@ -52,8 +53,7 @@ def check_computer(folder: Path, backend: Any = None) -> tuple[Check, ...]:
         try:
             checks += part()
         except Exception as error:  # a check that crashes is itself a finding
-            line = " ".join(str(error).split()) or type(error).__name__
-            checks.append(Check(name, Grade.FAIL, f"could not be examined: {line}"))
+            checks.append(Check(name, Grade.FAIL, f"could not be examined: {error_words(error)}"))
     return tuple(checks)
 
 

@@ -12,6 +12,7 @@ from analysis.shot import Channel, Role, Setup
 from instrument.devices.digitizer import Capabilities, CaptureSettings, DigitizerError
 from instrument.devices.source_options import SourceOptions
 from instrument.devices.triggered_digitizer import HardwareTrigger, Piece, Pieces, TriggeredDigitizer
+from instrument.files import error_words
 
 PACKAGE_REMEDY = "pip install 'levimass[niscope]'"
 RUNTIME_REMEDY = "install the NI-SCOPE runtime from ni.com/downloads (Windows and Linux), then restart"
@@ -145,10 +146,11 @@ class NiscopeCard(TriggeredDigitizer[str]):
         out.put(Piece(counts.T, round(-start_s / step_s), last=True))
 
     def _described(self, error: Exception) -> DigitizerError:
-        line = " ".join(str(error).split()) or type(error).__name__
         if type(error).__name__ in ("DriverNotInstalledError", "DriverTooOldError"):
             return DigitizerError("the NI-SCOPE runtime is not installed", RUNTIME_REMEDY)
-        return DigitizerError(f"{self._resource}: {line}", "check the name in NI MAX, or levimass --doctor")
+        return DigitizerError(
+            f"{self._resource}: {error_words(error)}", "check the name in NI MAX, or levimass --doctor"
+        )
 
 
 def open_digitizer(resource: str, options: SourceOptions) -> NiscopeCard:

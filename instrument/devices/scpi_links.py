@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any, Protocol
 
 from instrument.devices.digitizer import DigitizerError
+from instrument.files import error_words
 
 MAX_PREFIX_BYTES = 64
 MAX_LINE_BYTES = 1 << 16
@@ -243,7 +244,9 @@ class VisaTransport:
             self._session.write_termination = "\n"
             self._session.read_termination = "\n" if resource.upper().endswith("::SOCKET") else None
         except Exception as error:  # pyvisa's backends raise many kinds of errors
-            raise DigitizerError(f"{self.name} cannot be opened ({_line(error)})", "check the resource name") from error
+            raise DigitizerError(
+                f"{self.name} cannot be opened ({error_words(error)})", "check the resource name"
+            ) from error
 
     def write(self, command: str) -> None:
         self._guard(self._session.write, command)
@@ -290,7 +293,7 @@ class VisaTransport:
         try:
             return call(*arguments)
         except Exception as error:
-            raise DigitizerError(f"{self.name}: {_line(error)}", "check the link and re-arm") from error
+            raise DigitizerError(f"{self.name}: {error_words(error)}", "check the link and re-arm") from error
 
     @staticmethod
     def _manager(pyvisa: Any) -> Any:
@@ -301,7 +304,3 @@ class VisaTransport:
                 return pyvisa.ResourceManager("@py")
             except Exception as error:
                 raise DigitizerError("pyvisa finds no VISA library", "pip install 'levimass[visa]'") from error
-
-
-def _line(error: Exception) -> str:
-    return " ".join(str(error).split()) or type(error).__name__

@@ -35,7 +35,15 @@ from .motion_file import (
     read_motion,
     save_columns,
 )
-from .recording_error import FileNotReached, RecordingError, RecordingExists, SomeShotsNotSaved, one_line, shown
+from .recording_error import (
+    FileNotReached,
+    RecordingError,
+    RecordingExists,
+    SomeShotsNotSaved,
+    error_words,
+    one_line,
+    shown,
+)
 from .recording_file import (
     ENDED_EARLY,
     analyse_and_check_hash,
@@ -76,6 +84,7 @@ __all__ = [
     "copy_permissions",
     "data_hash",
     "disk_free_bytes",
+    "error_words",
     "find_mapping",
     "find_recordings",
     "foreign_channels",

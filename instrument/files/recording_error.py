@@ -42,6 +42,11 @@ def one_line(text: str, longest: int = 200) -> str:
     return flat if len(flat) <= longest else flat[: longest - 3] + "..."
 
 
+def error_words(error: BaseException) -> str:
+    """Return an error's message in one line, or the name of its type if the message is empty."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
 def system_message(error: OSError) -> str:
     """Return the system's description of an error, without the error number and the path."""
     return error.strerror or str(error)

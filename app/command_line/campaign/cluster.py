@@ -15,8 +15,9 @@ from urllib.parse import urlsplit
 
 from analysis.shot import version_and_digest
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, why_unusable
-from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost, error_words
+from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost
 from app.command_line.outputs import say
+from instrument.files import error_words
 
 _UNSAFE = (
     "a network scheduler without TLS accepts code from anyone who can reach it: use tls://HOST:PORT "

@@ -10,6 +10,7 @@ from multiprocessing import active_children, get_context
 from typing import Any, Protocol
 
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one
+from instrument.files import error_words
 
 LOOK_S = 0.1
 _BROKEN_S = 5.0  # longest wait for the futures of a broken pool, which end within milliseconds
@@ -131,8 +132,3 @@ class _Pool(ProcessPoolExecutor):
             return super().submit(*work, **more)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def error_words(error: BaseException) -> str:
-    """Return an error's message in one line, or the name of its type if the message is empty."""
-    return " ".join(str(error).split()) or type(error).__name__

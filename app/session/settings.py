@@ -44,6 +44,8 @@ RIG, AIR, SHOT, SWITCH, _, BENCH, LOOKS, TRIGGER, NEXT = GROUPS = (
     *("Folders and appearance", "At the trigger", "The next shot"),
 )
 
+_EDGES = {edge.name.lower(): edge for edge in (Edge.EITHER, Edge.RISING, Edge.FALLING)}
+
 
 # fmt: off
 @dataclass(frozen=True, slots=True)
@@ -73,7 +75,7 @@ class Settings(AnalysisChoices):
         "Long enough for both flights: the contact lasts about 29 ms")
     pre_trigger_s: float = number(6e-3, SHOT, "Pre-trigger time", "ms", 1e3, 0.0, 100.0,
         "Samples recorded before the light switch")
-    edge: str = choice("either", SWITCH, "Edge", (("either", "either"), ("rising", "rising"), ("falling", "falling")),
+    edge: str = choice("either", SWITCH, "Edge", [(name, name) for name in _EDGES],
         "Which step of the light switch starts the shot")
     switch_low_v: float | None = number(None, SWITCH, "Low threshold", "V", 1.0, -100.0, 100.0,
         "Empty: determined from the signal")
@@ -167,8 +169,7 @@ class Settings(AnalysisChoices):
             settings = CaptureSettings(rate, samples, min(round(self.pre_trigger_s * rate), samples - 1))
         knows = source_of(source).states_setup
         setup = None if knows else replace(self.setup, digitizer_bits=digitizer.capabilities.bits)
-        edge = {"rising": Edge.RISING, "falling": Edge.FALLING}.get(self.edge, Edge.EITHER)
-        return CaptureOptions(folder, settings, setup, edge, self.switch_low_v, self.switch_high_v)
+        return CaptureOptions(folder, settings, setup, _EDGES[self.edge], self.switch_low_v, self.switch_high_v)
 
     def values(self) -> dict[str, Value]:
         """Return all settings by name."""

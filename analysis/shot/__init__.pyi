@@ -33,6 +33,8 @@ from .shot import (
     Progress,
     Shot,
     Stop,
+    fitted_shots,
+    motions_of,
 )
 from .version import program_version, version_and_digest
 
@@ -91,7 +93,9 @@ __all__ = [
     "display_unit",
     "fit_flags",
     "fit_with_rate_error",
+    "fitted_shots",
     "flags_affecting",
+    "motions_of",
     "names_on_plate",
     "plate",
     "plate_count",

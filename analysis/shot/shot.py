@@ -1,6 +1,6 @@
 """An analysed shot with its motion, impact and fit, and the operator's notes on its plots."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from analysis.shot.fit import Fit
@@ -79,3 +79,13 @@ class Shot:
     note: str = ""
     plot_notes: tuple[PlotNote, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)  # "load", "demodulate", "impact", "fit"
+
+
+def fitted_shots(shots: Iterable[Shot]) -> list[Shot]:
+    """Return the shots that have a motion and a fit."""
+    return [shot for shot in shots if shot.motion is not None and shot.fit is not None]
+
+
+def motions_of(shots: Iterable[Shot]) -> list[Motion]:
+    """Return the motions of the shots that have one."""
+    return [shot.motion for shot in shots if shot.motion is not None]

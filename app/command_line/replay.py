@@ -13,13 +13,12 @@ from analysis.diagnosis import (
     SavedModel,
     Verdict,
     diagnose,
-    drift,
     prediction_words,
 )
 from analysis.fitted import fit_shot, read_together
 from analysis.planning import Reach, plan_next, plan_precision, refit_diagnosed, shots_in_words
 from analysis.report import result
-from analysis.shot import AnalysisError, AnalysisSettings, Shot, why_no_joint_fit
+from analysis.shot import AnalysisError, AnalysisSettings, Shot, fitted_shots, motions_of, why_no_joint_fit
 from app.command_line.options import known_model
 from app.command_line.outputs import (
     Outputs,
@@ -32,7 +31,7 @@ from app.command_line.outputs import (
     write_json,
 )
 from app.report import export, export_hdf5, export_laws, export_prediction, report_of, summary
-from app.session import DRIFT_SIGMAS, load_and_analyse, predicted, write_model
+from app.session import load_and_analyse, predicted, significant_drift, write_model
 from instrument.files import RecordingError, find_recordings, read_law, write_text_atomic
 from levimass import is_drive
 
@@ -139,7 +138,7 @@ def _diagnosis(shots: Sequence[Shot], laws: Sequence[Effect], seconds: float) ->
 
     Without a diagnosis of fitted shots one line on standard error says why.
     """
-    shots = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
+    shots = fitted_shots(shots)
     if not shots:
         return None, False
     if why := why_no_joint_fit(shots):
@@ -178,9 +177,8 @@ def _or_said(work: Callable[[], Result], lacking: str) -> Result | None:
 
 def _say_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
     """Print the parameters of these shots that differ significantly from those in the model file."""
-    for name, deviation in drift(known, diagnosis.fit_after).items():
-        if abs(deviation) > DRIFT_SIGMAS:
-            say(f"{name} deviates by {deviation:+.1f} σ from the model file")
+    for name, deviation in significant_drift(known, diagnosis.fit_after).items():
+        say(f"{name} deviates by {deviation:+.1f} σ from the model file")
 
 
 def _save_model(path: Path, results: _Results) -> bool:
@@ -272,7 +270,7 @@ def plan_shots(
     ``reach`` are the rig's possible speeds, weights and run-up; None: the planning's defaults.  Returns None, after
     one line on standard error, if there is nothing to plan from.
     """
-    motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
+    motions = motions_of(fitted_shots(shots))
     if diagnosis is None:
         say("nothing planned: there is no diagnosis")
         return None

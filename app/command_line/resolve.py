@@ -13,7 +13,7 @@ from analysis.planning import (
     plan_next,
 )
 from analysis.report import result
-from analysis.shot import AnalysisError, Shot
+from analysis.shot import AnalysisError, Shot, fitted_shots, motions_of
 from app.command_line.acquire import CaptureRequest, opened, record_shots
 from app.command_line.outputs import check_outputs, error_line, json_text, say, say_problem, write_json
 from app.session import load_and_analyse, planned_record, planned_setup
@@ -74,13 +74,12 @@ def _analysed(paths: Sequence[Path]) -> list[Shot]:
 def _standing(
     shots: Sequence[Shot], steps: Sequence[PlannedStep], left: int, reach: Reach | None
 ) -> tuple[Diagnosis, PlanningState]:
-    fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
-    motions = [shot.motion for shot in fitted if shot.motion is not None]
-    if not motions:
+    fitted = fitted_shots(shots)
+    if not fitted:
         raise AnalysisError("no shot could be analysed, so there is nothing to diagnose")
     diagnosis = diagnose(fitted)
-    say(f"after {len(motions)} shots: {diagnosis.sentence}")
-    standing = plan_next(motions, diagnosis, steps, left=left, reach=reach)
+    say(f"after {len(fitted)} shots: {diagnosis.sentence}")
+    standing = plan_next(motions_of(fitted), diagnosis, steps, left=left, reach=reach)
     if standing.steps:
         last = standing.steps[-1]
         reached = "not known" if last.reached is None else f"{last.reached:.2g}"

@@ -14,7 +14,7 @@ from analysis.diagnosis import (
     prediction_words,
     remark_on,
 )
-from analysis.shot import Quantity, Shot, describe_plates, describe_weights, split_unit
+from analysis.shot import Quantity, Shot, describe_plates, describe_weights, fitted_shots, motions_of, split_unit
 from analysis.uncertainty import diagnosis_band
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
@@ -61,7 +61,7 @@ def diagnosis_section(diagnosis: Diagnosis, shots: Sequence[Shot], next_shots: s
 
 def _basis(shots: Sequence[Shot]) -> str:
     """Return how many shots the diagnosis is based on, and their weights and plates."""
-    motions = [shot.motion for shot in shots if shot.motion is not None and shot.fit is not None]
+    motions = motions_of(fitted_shots(shots))
     rig = "; ".join(filter(None, (describe_weights([m.moving_mass_kg for m in motions]), describe_plates(motions))))
     return f"Based on {counted(len(motions), 'shot')}{f': {rig}' if rig else ''}."
 
@@ -131,7 +131,7 @@ def error_rows(columns: Sequence[tuple[str, Errors]]) -> list[list[str]]:
 def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
     """Return figures of each shot's residual before and after; nothing if both are the same fit."""
     before, after = diagnosis.fit_before.shots, diagnosis.fit_after.shots
-    used = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
+    used = fitted_shots(shots)
     if diagnosis.fit_after is diagnosis.fit_before or not before or len(before) != len(after):
         return Markup()
     plots = []

@@ -5,7 +5,7 @@ from .jobs import Event, EventKind, Job, Jobs, Saver, ShotJob
 from .kernels import Kernels, Stage, complete, prepare, prepare_first_shot, warm_up_analysis
 from .load import analysed, cause_of, load_and_analyse, raw_of, unanalysed
 from .log import NAME, ProgramLog, note
-from .model_in_use import DRIFT_SIGMAS, OwnLaws, drift_words, load_model, predicted, write_model
+from .model_in_use import OwnLaws, drift_words, load_model, predicted, significant_drift, write_model
 from .next_shots import PLAN, NextShots, planned_record, planned_setup
 from .result_cache import ResultCache
 from .rig import Open, Rig
@@ -20,7 +20,6 @@ from .workbench import Workbench
 
 __all__ = [
     "BEATS",
-    "DRIFT_SIGMAS",
     "FIELDS",
     "NAME",
     "NOT_SAVED",
@@ -67,6 +66,7 @@ __all__ = [
     "prepare_first_shot",
     "proposed_roles",
     "raw_of",
+    "significant_drift",
     "spectra_of",
     "summarise_channels",
     "unanalysed",

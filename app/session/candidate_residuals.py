@@ -14,7 +14,7 @@ import numpy as np
 from analysis.collision import Effect
 from analysis.diagnosis import Candidate, Diagnosis
 from analysis.fitted import fit_jointly, vibration_of
-from analysis.shot import AnalysisError, Floats, Motion, Progress, Shot, Stop, VibrationSpectrum
+from analysis.shot import AnalysisError, Floats, Motion, Progress, Shot, Stop, VibrationSpectrum, motions_of
 from app.session.jobs import Job, JobQueues
 from levimass import is_drive
 
@@ -79,7 +79,7 @@ class CandidateResiduals:
         if self._job is not None:
             self._job.cancel()
         self._of, self.found, self._job = diagnosis, {}, None
-        self._motions = [shot.motion for shot in shots if shot.motion is not None]
+        self._motions = motions_of(shots)
         self._vibrations = [vibration_of(shot) for shot in shots if shot.motion is not None]
         self._wanted = []
         if diagnosis is None or is_drive(diagnosis.fit_before.model) or not self._motions:

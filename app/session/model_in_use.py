@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any
 from analysis.collision import Effect, LawError, UserLaw, law_from_table, without_nuisances
 from analysis.diagnosis import Diagnosis, ModelFileError, SavedModel, drift, from_text, saved, to_text
 from analysis.fitted import FIT_SECONDS, fit_jointly, run_with_time_limit, vibration_of
-from analysis.shot import AnalysisError, Fit, Progress, Shot, Stop, split_unit, why_no_joint_fit
+from analysis.shot import (
+    AnalysisError,
+    Fit,
+    Progress,
+    Shot,
+    Stop,
+    fitted_shots,
+    motions_of,
+    split_unit,
+    why_no_joint_fit,
+)
 from app.report import shared_stds
 from app.session.verdict_basis import ModelEffects
 from app.words import counted, model_in_words
@@ -37,7 +47,7 @@ def save_model(
     Raises AnalysisError if the fit does not converge, RecordingError if the file cannot be written.
     """
     progress("fitting the shots jointly", 0.2)
-    fitted = [shot for shot in shots if shot.motion is not None and shot.fit is not None]
+    fitted = fitted_shots(shots)
     if not fitted:
         raise AnalysisError("no shot is fitted, so there is no model to save")
     if why := why_no_joint_fit(fitted):
@@ -48,8 +58,7 @@ def save_model(
         fit = diagnosis.fit_after
     else:
         diagnosis = None
-        motions = [shot.motion for shot in fitted if shot.motion is not None]
-        fit = fit_jointly(motions, base, effects, cancelled, [vibration_of(shot) for shot in fitted])
+        fit = fit_jointly(motions_of(fitted), base, effects, cancelled, [vibration_of(shot) for shot in fitted])
     if not fit.converged:
         raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
     named = {finding.effect for finding in diagnosis.findings} if diagnosis is not None else set()
@@ -122,12 +131,16 @@ def predicted(shots: Sequence[Shot], model: SavedModel, cancelled: Stop | None =
     return run_with_time_limit(lambda: evaluate_predictions(motions, names, model, cancelled), seconds, cancelled)
 
 
+def significant_drift(known: SavedModel, fit: Fit) -> dict[str, float]:
+    """Return the parameters that differ significantly from a model file's, in joint standard uncertainties."""
+    return {name: deviation for name, deviation in drift(known, fit).items() if abs(deviation) > DRIFT_SIGMAS}
+
+
 def drift_words(known: SavedModel, fit: Fit) -> str:
     """Return the fitted parameters that differ significantly from a model file's, largest first; "" for none."""
     if fit.model != known.base or not fit.converged:
         return ""
-    far = {name: deviation for name, deviation in drift(known, fit).items() if abs(deviation) > DRIFT_SIGMAS}
-    ordered = sorted(far.items(), key=lambda item: -abs(item[1]))
+    ordered = sorted(significant_drift(known, fit).items(), key=lambda item: -abs(item[1]))
     return ", ".join(f"{_named(name, known.effects)} {deviation:+.1f} σ" for name, deviation in ordered)
 
 

@@ -13,6 +13,7 @@ import pytest
 
 from app.command_line import replay
 from app.command_line.cli import main
+from app.session import model_in_use
 from instrument.files.recording_writer import write_recording
 from tests.analysis.synthetic_collision import Synthetic, motion_of
 from tests.beats import recording_of
@@ -344,7 +345,7 @@ def test_a_number_that_lies_far_from_the_model_files_is_named(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     far = {"plate_mass_kg": -4.5, "plate_stiffness_n_per_m": 3.9, "contact_stiffness_n_per_m": 4.1}
-    monkeypatch.setattr(replay, "drift", lambda _known, _fit: far)
+    monkeypatch.setattr(model_in_use, "drift", lambda _known, _fit: far)
     replay._say_drift(cast(Any, None), cast(Any, SimpleNamespace(fit_after=None)))
     assert capsys.readouterr().err.splitlines() == [
         "levimass: plate_mass_kg deviates by -4.5 σ from the model file",

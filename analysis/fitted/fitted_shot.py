@@ -14,6 +14,7 @@ from analysis.collision import Effect
 from analysis.fitted.fit_time import FIT_SECONDS, FitTime, run_with_time_limit
 from analysis.shot import (
     FIT_FLAGS,
+    NOT_CONVERGED,
     AnalysisError,
     Cancelled,
     Fit,
@@ -29,7 +30,7 @@ from levimass import is_drive
 
 _INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
 PATIENCE = 2.0  # a fit is abandoned after this multiple of its time limit, because one of its steps does not end
-NOT_CONVERGED, FAILED, FIT_TO_FOLLOW = "fit_not_converged", "fit_failed", "fit_to_follow"
+FAILED, FIT_TO_FOLLOW = "fit_failed", "fit_to_follow"
 READ_FROM_MODEL = "read_from_model"  # the pulse's readings come from the fitted model
 PULSE = ("force_peak_n", "force_fwhm_s", "contact_time_s", "deflection_max_m")
 CONTACT = "cor_kinetic.contact"

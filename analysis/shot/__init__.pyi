@@ -1,6 +1,14 @@
 from . import plate
 from .air import STANDARD_AIR, refractive_index, wavelength_in_air_m
-from .consistency import FIT_FLAGS, NUMBERS_AFFECTED, PLATE_RINGS, fit_flags, flags_affecting, reading_flags
+from .consistency import (
+    FIT_FLAGS,
+    NOT_CONVERGED,
+    NUMBERS_AFFECTED,
+    PLATE_RINGS,
+    fit_flags,
+    flags_affecting,
+    reading_flags,
+)
 from .fit import Fit, Overlay, ShotFit, Wander, count_plates, names_on_plate
 from .impact import Disturbance, Impact, KineticCor, VibrationLine, VibrationSpectrum
 from .motion import BeatQuality, Floats, Motion
@@ -45,6 +53,7 @@ __all__ = [
     "FIT_FLAGS",
     "HP_5518A_VACUUM_M",
     "MAX_NOTE_LENGTH",
+    "NOT_CONVERGED",
     "NUMBERS_AFFECTED",
     "PLATE_RINGS",
     "PLOT_UNITS",

@@ -12,18 +12,19 @@ import numpy as np
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
 from analysis.shot.quantity import Quantity
+from analysis.shot.sample_rate_error import RATE_CONTRADICTED
 
 RESTITUTION_SIGMAS = 2.0
 MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
-FIT_DISAGREES, CHI2_FAR_FROM_ONE = "fit_disagrees", "chi2_far_from_one"
+NOT_CONVERGED, FIT_DISAGREES, CHI2_FAR_FROM_ONE = "fit_not_converged", "fit_disagrees", "chi2_far_from_one"
 PLATE_SHAKEN, KNOCK_SUSPECTED = "plate_shaken", "knock_suspected"
 FIT_FLAGS = (FIT_DISAGREES, CHI2_FAR_FROM_ONE, PLATE_SHAKEN, KNOCK_SUSPECTED)
 PLATE_RINGS = "plate_rings"  # fit flag: the residual is an oscillation of the plate before the touch
 VIBRATION = "vibration"  # reading flag: the plate moves before it is touched
 CHI2_FAR = 2.0  # reduced chi^2 above this or below its inverse is flagged
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
-_PULSE = ("force_peak_n", "force_fwhm_s", "cor_impulse", "stiffness_slope_n_per_m")
+_OF_FORCE = ("force_peak_n", "force_fwhm_s", "cor_impulse", "stiffness_slope_n_per_m")
 _BOUNCES = ("cor_kinetic.force_peaks", "cor_kinetic.onsets", "cor_kinetic.flights")
 _FITTED = (
     "plate_stiffness_n_per_m",
@@ -43,16 +44,16 @@ NUMBERS_AFFECTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "bounces_disturbed": _BOUNCES,
         "flight_cut": _VELOCITIES,
         VIBRATION: (*_VELOCITIES, "force_peak_n", "deflection_max_m"),
-        "knock": (*_VELOCITIES, *_PULSE, *_FITTED, "contact_time_s", "deflection_max_m"),
-        "samples_lost": (*_PULSE, *_BOUNCES, "contact_time_s", "deflection_max_m"),
+        "knock": (*_VELOCITIES, *_OF_FORCE, *_FITTED, "contact_time_s", "deflection_max_m"),
+        "samples_lost": (*_OF_FORCE, *_BOUNCES, "contact_time_s", "deflection_max_m"),
         "cross_talk": ("deflection_max_m", "contact_time_s"),
-        "rate_contradicted": (*_VELOCITIES, *_PULSE, "contact_time_s", "deflection_max_m"),
+        RATE_CONTRADICTED: (*_VELOCITIES, *_OF_FORCE, "contact_time_s", "deflection_max_m"),
         FIT_DISAGREES: ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
         CHI2_FAR_FROM_ONE: _FITTED,
         PLATE_SHAKEN: _FITTED,
         PLATE_RINGS: _FITTED,
-        KNOCK_SUSPECTED: (*_PULSE, *_BOUNCES, *_FITTED),
-        "fit_not_converged": _FITTED,
+        KNOCK_SUSPECTED: (*_OF_FORCE, *_BOUNCES, *_FITTED),
+        NOT_CONVERGED: _FITTED,
     }
 )
 

@@ -12,7 +12,7 @@ from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.response import Response
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
-from analysis.shot import Fit, Floats, Motion, Overlay, Quantity, ShotFit
+from analysis.shot import NOT_CONVERGED, Fit, Floats, Motion, Overlay, Quantity, ShotFit
 from analysis.signal import derivatives
 
 _ROUNDING = 1e-13
@@ -99,7 +99,7 @@ def as_fit(
         wander=fitted.noise.wander,
         converged=converged,
         effects=fitted.effects,
-        flags=(*(() if converged else ("fit_not_converged",)), *flags),
+        flags=(*(() if converged else (NOT_CONVERGED,)), *flags),
         seconds=seconds,
         chi2=chi2_by_noise,
         samples=fitted.samples,

@@ -40,7 +40,8 @@ from app.window.plots.axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
 from app.window.theme import DARK, LIGHT, Theme, Tone
-from app.words.flags import FLAG_WORDS, flags_in_short
+from app.words.flags import FLAGS as EVERY_FLAG
+from app.words.flags import flags_in_short
 from app.words.model_texts import verdict_words
 from tests.app import synthetic
 from tests.app.on_screen import caption_words, notes_drawn
@@ -332,7 +333,7 @@ def test_the_numbers_of_an_axis_never_lie_over_one_another(window):
 
 def test_every_flag_has_room_in_its_column(window):
     table = window.panels.table
-    words = [flags_in_short([flag, *["x"] * 9]) for flag in FLAG_WORDS]
+    words = [flags_in_short([flag, *["x"] * 9]) for flag in EVERY_FLAG]
     widest = max(table.fontMetrics().horizontalAdvance(text) for text in words)
     assert widest < table.table.columnWidth(FLAGS) - 8
 

@@ -11,7 +11,7 @@ from analysis.diagnosis.result import Remainder, Verdict
 from analysis.shot.quantity import NotSeen, Quantity
 from app.session.verdict_basis import verdict_of
 from app.words import model_texts, wording
-from app.words.flags import FLAG_WORDS
+from app.words.flags import FLAGS
 from app.words.wording import number, parameter_words
 from tests.app import synthetic
 
@@ -149,7 +149,7 @@ def test_typed_numbers_have_one_decimal_sign() -> None:
 
 def test_every_flag_has_words_and_stands_in_the_page_of_formats():
     page = (Path(__file__).resolve().parents[2] / "docs" / "formats.md").read_text(encoding="utf-8")
-    assert [flag for flag in FLAG_WORDS if f"`{flag}`" not in page] == []
+    assert [flag for flag in FLAGS if f"`{flag}`" not in page] == []
 
 
 def test_a_long_name_keeps_its_two_ends():

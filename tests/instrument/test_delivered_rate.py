@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from app.words.flags import FLAG_WORDS
+from app.words.flags import FLAGS
 from instrument.capture.acquisition import State
 from instrument.devices.digitizer import Block
 from instrument.files.recording_file import read_recording
@@ -92,5 +92,5 @@ def test_the_recording_of_a_half_delivering_device_says_so(tmp_path: Path) -> No
         until(rig.capture, lambda s: s.state is State.IDLE)
     assert shot.path is not None
     recording = read_recording(shot.path)
-    assert "rate_contradicted" in recording.flags and "rate_contradicted" in FLAG_WORDS
+    assert "rate_contradicted" in recording.flags and "rate_contradicted" in FLAGS
     assert 0.0 < recording.extra["global"]["lmm:delivered_rate_hz"] < 0.6 * RATE_HZ  # a busy one is later still

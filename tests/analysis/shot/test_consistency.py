@@ -9,7 +9,7 @@ import pytest
 from analysis.shot.consistency import NUMBERS_AFFECTED, fit_flags, flags_affecting, reading_flags
 from analysis.shot.fit import ShotFit
 from analysis.shot.quantity import NotSeen, Quantity, Reading
-from app.words.flags import FLAG_WORDS
+from app.words.flags import FLAGS
 from tests.analysis.impacts import impact_of
 from tests.analysis.shots import PAPER_FIT
 
@@ -94,4 +94,4 @@ def test_a_plate_that_moved_before_it_was_touched_is_told_of_a_fit_that_had_it_a
 def test_a_flag_is_shown_at_the_numbers_that_it_concerns_and_has_words() -> None:
     assert flags_affecting("force_peak_n", ("wander", "momentum_disagrees", "knock")) == ("momentum_disagrees", "knock")
     assert flags_affecting("plate_mass_kg", ("momentum_disagrees",)) == ()
-    assert set(NUMBERS_AFFECTED) <= set(FLAG_WORDS)
+    assert set(NUMBERS_AFFECTED) <= set(FLAGS)

@@ -12,7 +12,7 @@ from analysis.signal.demodulation import demodulate
 from analysis.signal.filters import derivative_filters
 from analysis.signal.survey import survey
 from analysis.signal.track import local_variance
-from app.words.flags import FLAG_WORDS
+from app.words.flags import flag_words
 from tests.analysis.signal.beats import WAVELENGTH_M, free_flight, make_recording
 
 
@@ -56,7 +56,7 @@ def test_a_reference_subtracted_sample_by_sample_adds_its_noise() -> None:
 def test_a_clipped_beat_is_flagged_and_has_words() -> None:
     recording = make_recording(free_flight(-0.2), 300_000, alter=lambda role, t, x: np.clip(x, -6500, 6500))
     assert "clipped" in demodulate(recording, AnalysisSettings()).flags
-    assert "gain" in FLAG_WORDS["clipped"]
+    assert "gain" in flag_words("clipped")
 
 
 def test_the_local_noise_of_a_beat_is_that_of_its_stretch_and_unknown_where_all_is_dark() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, DriveEvidence, FoundEffect, Verdict
 from analysis.diagnosis.words import parameter_words, quantity
-from analysis.drive import LAWS, MassCheck
+from analysis.drive import LAWS, MassCheck, Repeatability
 from analysis.shot import Fit, Quantity
 
 
@@ -29,7 +29,15 @@ def sentence(diagnosis: Diagnosis, drive: DriveEvidence) -> str:
 def _repeats(force_n: float, drive: DriveEvidence) -> str:
     repeatability = drive.repeatability
     times = force_n / repeatability.force_n if repeatability.force_n > 0.0 else float("inf")
-    return f"{times:.2g} times {repeatability.what} ({repeatability.force_n:.2g} N)"
+    return f"{times:.2g} times {_limit(repeatability)} ({repeatability.force_n:.2g} N)"
+
+
+def _limit(repeatability: Repeatability) -> str:
+    if not repeatability.repeats:
+        return "the noise of the force in this band"
+    if repeatability.cycle_s is None:
+        return "the record-to-record repeatability for one input"
+    return f"the repeatability of its cycle of {repeatability.cycle_s:.4g} s"
 
 
 def _mass(mass: MassCheck) -> str:

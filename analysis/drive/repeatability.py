@@ -26,7 +26,7 @@ class Repeatability:
 
     force_n: float
     repeats: bool
-    what: str
+    cycle_s: float | None = None  # period of the passes; None: they are records of one input
 
 
 def repeatability_of(table: Table, found: Regression, noise_n: float) -> Repeatability:
@@ -37,14 +37,14 @@ def repeatability_of(table: Table, found: Regression, noise_n: float) -> Repeata
     passes = [*_cycle_pairs(table), *_record_pairs(table)]
     modelled = table.base()[:, :2] @ np.array([found.quantity(name).value for name in BASE[:2]])
     force = table.force(delay_of(found.nonlinear)) - modelled
-    differences = [force[late] - force[early] for early, late, _, _ in passes]
+    differences = [force[late] - force[early] for early, late, _ in passes]
     if not differences:
-        return Repeatability(noise_n, False, "the noise of the force in this band")
+        return Repeatability(noise_n, False)
     seen = rms(np.concatenate([d - d.mean() for d in differences])) / np.sqrt(2.0)
     return Repeatability(max(seen, noise_n), True, passes[0][2])
 
 
-Pass = tuple[NDArray[np.int64], NDArray[np.int64], str, float | None]  # samples, their repeats, words, cycle in s
+Pass = tuple[NDArray[np.int64], NDArray[np.int64], float | None]  # samples, their repeats, cycle in s
 
 
 def _cycle_pairs(table: Table) -> Iterator[Pass]:
@@ -63,7 +63,7 @@ def _cycle_pairs(table: Table) -> Iterator[Pass]:
             continue
         both = np.isfinite(place[:-lag]) & np.isfinite(place[lag:])
         cycle_s = lag * stretch.step / stretch.sample_rate_hz
-        yield at[:-lag][both], at[lag:][both], f"the repeatability of its cycle of {cycle_s:.4g} s", cycle_s
+        yield at[:-lag][both], at[lag:][both], cycle_s
 
 
 def _cycle_lag(place: Floats) -> int | None:
@@ -107,7 +107,7 @@ def _record_pairs(table: Table) -> Iterator[Pass]:
         moved = _relative_difference(table.displacement_m[a], table.displacement_m[b])
         driven = _relative_difference(force[a], force[b])
         if min(moved, driven) < ALIKE:
-            yield a, b, "the record-to-record repeatability for one input", None
+            yield a, b, None
 
 
 def _places(table: Table, record: int) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
@@ -128,7 +128,7 @@ def folds(table: Table, count: int) -> NDArray[np.int64]:
 
     A later cycle does not test a fit of an earlier cycle; a held-out part of the cycle does.
     """
-    cycle_s = next((cycle for _, _, _, cycle in _cycle_pairs(table)), None)
+    cycle_s = next((cycle for _, _, cycle in _cycle_pairs(table)), None)
     out = np.empty(table.time_s.size, dtype=np.int64)
     for record in np.unique(table.record):
         of = table.record == record

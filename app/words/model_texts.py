@@ -3,11 +3,15 @@
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from analysis.collision import Effect
 from analysis.diagnosis import Verdict
 from analysis.shot import Role
 from levimass import is_drive
+
+if TYPE_CHECKING:
+    from analysis.drive import Repeatability
 
 PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
 CHANNEL_NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
@@ -32,11 +36,11 @@ def model_in_words(base: str, effects: Collection[Effect], tried: Collection[Eff
     return " + ".join((words, *(effect.words + (" (tried)" if effect in tried else "") for effect in effects)))
 
 
-def repeatability_words(repeats: bool, what: str) -> str:
-    """Return the name of the reference for a drive's residual; ``what`` is the analysis's name for it."""
-    if not repeats:
-        return what
-    return "the record-to-record repeatability" if "record" in what else "the cycle-to-cycle repeatability"
+def repeatability_words(of: "Repeatability") -> str:
+    """Return the name of the reference for a drive's residual."""
+    if not of.repeats:
+        return "the noise of the force in this band"
+    return "the record-to-record repeatability" if of.cycle_s is None else "the cycle-to-cycle repeatability"
 
 
 def or_dash(value: float, form: str) -> str:

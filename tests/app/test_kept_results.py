@@ -81,7 +81,7 @@ def test_what_remains_comes_back_as_it_was(shot):
     left = Remainder(2e-9, 1e-10, ((Phase.LOADING, 3e-9),), None, 1100.0, Freedom.BEND, 13.0, (effect_named("tilt"),))
     mass = MassCheck(None, Quantity(0.2, 1e-3), agrees=True)
     drive = DriveEvidence(
-        Repeatability(0.1, True, "a cycle"), mass, 50.0, (LAWS["drive_delay"],), DriveRemainder(0.1, 0.2, 0.3, 0.4)
+        Repeatability(0.1, True, 4.0), mass, 50.0, (LAWS["drive_delay"],), DriveRemainder(0.1, 0.2, 0.3, 0.4)
     )
     found = synthetic.diagnosis(shot)
     candidates = (replace(found.candidates[0], standing=Standing.VALIDATED, number=0.5),)

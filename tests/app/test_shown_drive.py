@@ -21,7 +21,7 @@ SPEED_M_PER_S = 0.03 * np.cos(TIME_S)
 MODELLED_N = 20.0 * np.sign(SPEED_M_PER_S)
 LEFT_N = 0.06 * np.sin(40.0 * TIME_S)
 CURVES = DriveCurves(
-    TIME_S, PLACE_M, SPEED_M_PER_S, MODELLED_N + LEFT_N, MODELLED_N, Repeatability(0.02, True, "the cycles"), 250.0
+    TIME_S, PLACE_M, SPEED_M_PER_S, MODELLED_N + LEFT_N, MODELLED_N, Repeatability(0.02, True, 4.0), 250.0
 )
 
 
@@ -59,8 +59,11 @@ def test_what_is_left_is_told_against_what_repeats(view) -> None:
         "(0.02 N under this shot's own fit); compared up to 250 Hz"
     )
     assert view.legend()[-1][0] == "±2 × the cycle-to-cycle repeatability"
-    view.show_curves(replace(CURVES, repeatability=Repeatability(0.0, False, "the noise")))
-    assert ", – times the noise (0 N" in view.say.text() and view.legend()[-1][0] == "±2 × the noise"
+    view.show_curves(replace(CURVES, repeatability=Repeatability(0.0, False)))
+    noise = "the noise of the force in this band"
+    assert f", – times {noise} (0 N" in view.say.text() and view.legend()[-1][0] == f"±2 × {noise}"
+    view.show_curves(replace(CURVES, repeatability=Repeatability(0.02, True)))
+    assert view.legend()[-1][0] == "±2 × the record-to-record repeatability"
 
 
 def test_a_drive_that_went_leaves_nothing(view) -> None:
@@ -78,7 +81,7 @@ def test_the_axes_hold_every_point_the_band_and_a_little_room(view) -> None:
     assert (left, right) == pytest.approx((x.min() - 0.04 * np.ptp(x), x.max() + 0.04 * np.ptp(x)))
     y = np.concatenate([MODELLED_N, MODELLED_N + LEFT_N])
     assert (low, high) == pytest.approx((y.min() - 0.06 * np.ptp(y), y.max() + 0.06 * np.ptp(y)))
-    view.show_curves(replace(CURVES, repeatability=Repeatability(0.5, True, "the cycles")))
+    view.show_curves(replace(CURVES, repeatability=Repeatability(0.5, True, 4.0)))
     low, high = view.speed._residual_plot.plot.view.viewRange()[1]
     assert (low, high) == pytest.approx((-1.12, 1.12))
 
@@ -93,7 +96,7 @@ def test_the_residual_of_a_force_is_drawn_before_and_after_each_in_its_unit(qtbo
     driven = replace(shot.fit, model="driven")
     page.show_diagnosis(replace(told, fit_before=driven, fit_after=driven), [shot])
     assert page._heading.text() == "RESIDUAL OF FORCE" and page.stack_in_view is page.forces
-    before = replace(CURVES, modelled_n=MODELLED_N - 5.0, repeatability=Repeatability(0.1, True, "the records"))
+    before = replace(CURVES, modelled_n=MODELLED_N - 5.0, repeatability=Repeatability(0.1, True))
     page.show_forces(shot, before, CURVES)
     assert page._heading.text() == "RESIDUAL OF FORCE, a drive (band: ±2 × the cycle-to-cycle repeatability)"
     scales, lefts, halves = (1.0, 1e3), (LEFT_N + 5.0, LEFT_N), (0.2, 0.04)

@@ -110,7 +110,7 @@ def _driven(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Errors
     table = Table.of(prepare_drive([motion]))
     trials: tuple[tuple[tuple[Effect, ...], Parameters], ...] = (((), base), (model.effects, model.parameters))
     left = [rms(prediction_residual_n(table, of, known)) for of, known in trials]
-    noise = Repeatability(force_noise(motion), False, "")
+    noise = Repeatability(force_noise(motion), False)
     bare, whole = (Errors(float("nan"), float("nan"), force, chi2(force, noise)) for force in left)
     return bare, whole
 

@@ -238,7 +238,7 @@ class Residuals(QWidget):
 
     def show_forces(self, shot: Shot, before: DriveCurves, after: DriveCurves) -> None:
         """Show a drive's force residual over the whole record, under the fits before and after the diagnosis."""
-        against = repeatability_words(after.repeatability.repeats, after.repeatability.what)
+        against = repeatability_words(after.repeatability)
         self._heading.setText(f"RESIDUAL OF FORCE, {short_name(shot.name)} (band: ±2 × {against})")
         self.forces.set_shots((shot,), shot.name)
         drawn = zip((before, after), self.forces.plots, self.force_curves, self.forces.bands, strict=True)

@@ -51,7 +51,7 @@ class DriveView:
     def legend(self) -> list[tuple[str, LineStyle]]:
         below = "band"
         if self.curves is not None:
-            below = f"±2 × {repeatability_words(self.curves.repeatability.repeats, self.curves.repeatability.what)}"
+            below = f"±2 × {repeatability_words(self.curves.repeatability)}"
         return [
             ("measured", MEASURED),
             ("modelled (fitted to this record)", SIMULATED),
@@ -81,7 +81,7 @@ class DriveView:
         self.place.show_force(1e3 * curves.displacement_m, curves.measured_n, curves.modelled_n, half)
         rms = float(np.sqrt(np.nanmean(curves.residual_n**2)))
         times = number(rms / curves.repeatability.force_n, 2) if curves.repeatability.force_n > 0.0 else "–"
-        against = repeatability_words(curves.repeatability.repeats, curves.repeatability.what)
+        against = repeatability_words(curves.repeatability)
         self.say.setText(
             f"residual {number(rms, 3)} N rms, {times} times {against} "
             f"({number(curves.repeatability.force_n, 2)} N under this shot's own fit); "

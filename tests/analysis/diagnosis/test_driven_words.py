@@ -1,5 +1,6 @@
 """What is said of a drive, whole sentences at a time."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,7 +20,7 @@ LEFT = DriveRemainder(0.123, 0.456, 0.789, 0.1)
 
 def evidence(mass: MassCheck = NONE, force_n: float = 2.0, **more: Any) -> DriveEvidence:
     given: dict[str, Any] = {"bandwidth_hz": 12.34, "unidentifiable": (), "remainder": LEFT} | more
-    return DriveEvidence(Repeatability(force_n, True, "the repeatability of its cycle"), mass, **given)
+    return DriveEvidence(Repeatability(force_n, True, 0.5), mass, **given)
 
 
 def diagnosis(verdict: Verdict, effects: tuple[FoundEffect, ...] = (), held_n: float | None = None) -> Any:
@@ -33,8 +34,21 @@ def diagnosis(verdict: Verdict, effects: tuple[FoundEffect, ...] = (), held_n: f
     )  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("limit", "words"),
+    [
+        (Repeatability(2.0, True, 0.5), "the repeatability of its cycle of 0.5 s"),
+        (Repeatability(2.0, True), "the record-to-record repeatability for one input"),
+        (Repeatability(2.0, False), "the noise of the force in this band"),
+    ],
+)
+def test_the_limit_of_a_drive_is_worded_from_the_passes_it_was_observed_in(limit: Repeatability, words: str) -> None:
+    told = driven_words.sentence(diagnosis(Verdict.ADEQUATE), replace(evidence(), repeatability=limit))
+    assert f"3 N is 1.5 times {words} (2 N)." in told
+
+
 def test_a_verdict_in_a_sentence() -> None:
-    against = "3 N is 1.5 times the repeatability of its cycle (2 N)."
+    against = "3 N is 1.5 times the repeatability of its cycle of 0.5 s (2 N)."
     friction = FoundEffect(LAWS["coulomb_friction"], {"force_n": Quantity(20.0, 0.5)}, {})
     named = f"The drive has {driven_words.effect(friction, diagnosis(Verdict.ADEQUATE).fit_after)}."
     error = " Force error 60 -> 3 N rms"
@@ -48,7 +62,7 @@ def test_a_verdict_in_a_sentence() -> None:
     none = driven_words.sentence(diagnosis(Verdict.UNEXPLAINED), evidence(force_n=0.0))
     assert none == (
         "Unexplained: 60 N rms remain and no catalogue law predicts them; 3 N is inf times the repeatability of its "
-        "cycle (0 N)."
+        "cycle of 0.5 s (0 N)."
     )
 
 
@@ -118,8 +132,9 @@ def test_what_the_records_could_not_show() -> None:
 
 def test_what_remains_goes_with() -> None:
     assert driven_words.remainder(3.0, evidence()) == (
-        "3 N rms remain, 1.5 times the repeatability of its cycle (2 N); 12% of their power is correlated with the "
-        "direction of motion; 46% with the position along the guide; 79% occurs in the 10% of samples around reversals"
+        "3 N rms remain, 1.5 times the repeatability of its cycle of 0.5 s (2 N); 12% of their power is correlated "
+        "with the direction of motion; 46% with the position along the guide; 79% occurs in the 10% of samples around "
+        "reversals"
     )
     assert driven_words.remainder(3.0, evidence(remainder=None)) == ""
 
@@ -205,7 +220,7 @@ def test_a_drive_is_diagnosed_step_by_step(rms_n: float, explained: bool, monkey
         tell(0.5)
         return searched
 
-    repeatability = Repeatability(2.0, True, "cycle")
+    repeatability = Repeatability(2.0, True, 0.5)
     for name, made in {
         "Table": OfTable, "Split": SimpleNamespace(of=lambda of: split), "search_laws": search_laws,
         "prepare": lambda motions: ("prepared", motions),

@@ -182,7 +182,7 @@ def test_the_scatter_between_records_of_one_input_is_the_repeatability() -> None
 
     assert not repeatability([one, other]).repeats
     seen = repeatability([one, other, replace(two, time_s=two.time_s + 100.0)])
-    assert seen.what == "the record-to-record repeatability for one input"
+    assert seen.repeats and seen.cycle_s is None
     passed = float(np.linalg.norm(low_pass(RATE_HZ, prepare([one, other])[0].bandwidth_hz)))
     assert 0.8 * passed < seen.force_n < 1.2 * passed  # the noise of 1 N through the filter, not the 4 N of the odd law
 

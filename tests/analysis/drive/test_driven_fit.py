@@ -73,8 +73,8 @@ def test_a_mass_that_cannot_be_is_refused_with_its_cause() -> None:
 
 
 def test_chi2_is_the_square_of_the_error_over_what_the_drive_repeats_to() -> None:
-    assert chi2(6.0, Repeatability(2.0, True, "")) == 9.0
-    assert np.isnan(chi2(6.0, Repeatability(0.0, True, "")))
+    assert chi2(6.0, Repeatability(2.0, True)) == 9.0
+    assert np.isnan(chi2(6.0, Repeatability(0.0, True)))
 
 
 @pytest.mark.parametrize(("noise_n", "encoder_m"), [(2.0, 1e-7), (1e-3, 2e-6), (1.5, 2e-6)])

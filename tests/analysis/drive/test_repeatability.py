@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.drive.regression import regress
-from analysis.drive.repeatability import _cycle_lag, _record_pairs, folds, repeatability_of
+from analysis.drive.repeatability import Repeatability, _cycle_lag, _record_pairs, folds, repeatability_of
 from analysis.drive.stretch import Table, prepare
 from analysis.shot.motion import Motion
 from analysis.signal.record import motion_from_displacement
@@ -79,12 +79,12 @@ def test_records_of_one_motion_or_of_one_force_belong_together() -> None:
     for rate in (0.999, 1.001):
         assert pairs(motion, again(motion, 1.0, motion.force_n, rate)) == []
     assert len(pairs(motion, again(motion, 1.0, other), again(motion, 1.001, other))) == 3
-    ((early, late, what, cycle_s),) = pairs(motion, again(motion, 1.0, other))
+    ((early, late, cycle_s),) = pairs(motion, again(motion, 1.0, other))
     table = Table.of(prepare([motion, again(motion, 1.0, other)]))
     assert set(table.record[early]) == {0} and set(table.record[late]) == {1}
     np.testing.assert_allclose(table.time_s[late] - table.time_s[early], 7.0, atol=1e-9)
     assert early.size == np.sum(table.record == 0)
-    assert what == "the record-to-record repeatability for one input" and cycle_s is None
+    assert cycle_s is None
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_records_belong_together_where_a_quarter_of_them_and_a_hundred_samples_a
     )  # fmt: skip
     found = list(_record_pairs(table))
     assert len(found) == enough
-    for early, late, _, _ in found:
+    for early, late, _ in found:
         np.testing.assert_array_equal(early, np.arange(size - common, size))
         np.testing.assert_array_equal(late, np.arange(size, size + common))
 
@@ -118,6 +118,6 @@ def test_what_mass_and_drag_make_of_passes_that_differ_is_no_scatter() -> None:
     found = regress(table)
     white = regress(Table.of(table.stretches[:1])).rms_n
     seen = repeatability_of(table, found, 0.01)
-    assert seen.repeats and seen.what == "the record-to-record repeatability for one input"
+    assert seen.repeats and seen.cycle_s is None
     assert seen.force_n == pytest.approx(white, rel=0.15)
-    assert repeatability_of(Table.of(table.stretches[:1]), found, 0.3).what == "the noise of the force in this band"
+    assert repeatability_of(Table.of(table.stretches[:1]), found, 0.3) == Repeatability(0.3, False)

@@ -26,6 +26,7 @@ class FoundDevice:
     where: str
     problem: str = ""
     remedy: str = ""
+    barred: bool = False  # True: this user has no permission to open it
 
 
 def udev_rule_path() -> Path:
@@ -56,13 +57,13 @@ def hantek6022(backend: Any) -> list[FoundDevice]:
 
     found = []
     for device in usb_bus.find_devices(firmware.IDS_WITHOUT_FIRMWARE | firmware.IDS_WITH_FIRMWARE, backend):
-        problem, remedy = _permission(device)
+        problem, remedy, barred = _permission(device)
         if not problem and (device.idVendor, device.idProduct) in firmware.IDS_WITHOUT_FIRMWARE:
             try:
                 firmware.find_firmware(device.idProduct)
             except DigitizerError as error:
                 problem, remedy = error.what, error.remedy
-        found.append(FoundDevice("hantek6022", "Hantek 6022", _where(device), problem, remedy))
+        found.append(FoundDevice("hantek6022", "Hantek 6022", _where(device), problem, remedy, barred))
     return found
 
 
@@ -84,8 +85,8 @@ def _where(device: Any) -> str:
     return f"USB bus {device.bus}, device {device.address}, {usb_bus.identity(device)}"
 
 
-def _permission(device: Any) -> tuple[str, str]:
-    """Return problem and remedy of opening ``device``; both empty if this user may open it or this is unknown."""
+def _permission(device: Any) -> tuple[str, str, bool]:
+    """Return (problem, remedy, barred) of opening ``device``; not barred if this user may open it or it is unknown."""
     from instrument.devices.usb_bus import PERMISSION_REMEDY, is_permitted
 
     node = _USB_NODES / f"{device.bus or 0:03d}" / f"{device.address or 0:03d}"
@@ -93,7 +94,7 @@ def _permission(device: Any) -> tuple[str, str]:
         permitted = os.access(node, os.R_OK | os.W_OK)
     else:
         permitted = is_permitted(device)
-    return ("", "") if permitted else ("no permission to open it", PERMISSION_REMEDY)
+    return ("", "", False) if permitted else ("no permission to open it", PERMISSION_REMEDY, True)
 
 
 def ni_cards(_: Any) -> list[FoundDevice]:

@@ -23,7 +23,7 @@ from tests.app.on_screen import check_lines, use_buttons
 from tests.instrument.devices.scpi_emulator import EmulatedScope, TcpScope
 
 WAIT_MS = 30_000
-BARRED = FoundDevice("hantek6022", "Hantek 6022", "USB bus 1", "no permission to open it", "install the udev rule")
+BARRED = FoundDevice("hantek6022", "Hantek 6022", "USB bus 1", "it is closed to this user", "see below", barred=True)
 
 
 @pytest.fixture

@@ -45,6 +45,7 @@ def test_found_devices_say_what_stands_in_the_way(monkeypatch: pytest.MonkeyPatc
     assert "apt install sigrok-firmware-fx2lafw" in cold.remedy
     assert barred.problem == "no permission to open it"
     assert "udev" in barred.remedy
+    assert [one.barred for one in (cold, barred, rigol)] == [False, True, False]
     assert (rigol.source, rigol.problem) == ("scpi:usb:1ab1:04ce", "")
     assert bus.opened == 0
 
@@ -171,5 +172,5 @@ def test_permission_is_read_from_the_device_node(monkeypatch: pytest.MonkeyPatch
     asked = []
     monkeypatch.setattr(device_search.os, "access", lambda node, mode: asked.append((node, mode)))
     (device,) = device_search.found_devices(ScriptedUsb([Plugged(0x1D50, 0x608E, address=7, forbidden=True)]))
-    assert device.problem == "no permission to open it"
+    assert device.barred and device.problem == "no permission to open it"
     assert asked == [(tmp_path / "001" / "007", os.R_OK | os.W_OK)]

@@ -102,7 +102,7 @@ class SetupPresenter(QObject):
         self._present = self._rig.source
         network = [FoundDevice(s, network_name(s), "in the network") for s in self._store.settings.network_sources]
         self._sheet.show_devices(self._found, network, self._present, self._problem)
-        barred = any("permission" in device.problem for device in self._found)
+        barred = any(device.barred for device in self._found)
         self._sheet.show_remedy(udev_instructions() if barred and sys.platform.startswith("linux") else "")
 
     def _verdicts(self, snapshot: Snapshot) -> tuple[tuple[Check, ...], str]:

@@ -23,6 +23,10 @@ LIBRARY_REMEDY = "install it (Debian: apt install libusb-1.0-0; elsewhere: pip i
 _GONE = {errno.ENODEV, errno.ENOENT, errno.ESHUTDOWN, errno.ENXIO}
 
 
+class Unplugged(DigitizerError):
+    """The device is no longer on the bus."""
+
+
 def find_backend() -> Any:
     """Return pyusb's libusb 1.0 backend.  Raises DigitizerError if the library is missing."""
     backend = usb.backend.libusb1.get_backend()
@@ -81,7 +85,7 @@ def digitizer_error(error: Exception, name: str) -> DigitizerError:
     if number == errno.EBUSY:
         return DigitizerError(f"{name} is in use by another program", "close the other program")
     if number in _GONE:
-        return DigitizerError(f"{name} was unplugged", "plug it in again and re-arm")
+        return Unplugged(f"{name} was unplugged", "plug it in again and re-arm")
     if number == errno.ETIMEDOUT or isinstance(error, usb.core.USBTimeoutError):
         return DigitizerError(f"{name} does not answer", "unplug it, plug it in again and re-arm")
     return DigitizerError(f"{name}: USB error: {error}", "unplug it, plug it in again and re-arm")

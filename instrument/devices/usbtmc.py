@@ -135,9 +135,10 @@ class UsbtmcTransport:
             with usb_bus.usb_errors_of(self.name):
                 self._device.write(self._out, self._head(_IN, size, 0), timeout=3000)
                 answer = self._read(size, timeout_s) or self._read(size, timeout_s)  # some send an empty packet first
-        except DigitizerError as error:
-            if "unplugged" not in str(error):
-                self._abort()
+        except usb_bus.Unplugged:
+            raise
+        except DigitizerError:
+            self._abort()
             raise
         if len(answer) < _HEADER.size:
             self._abort()

@@ -208,6 +208,20 @@ def test_after_a_timeout_the_answer_is_aborted_and_the_link_is_clean() -> None:
     assert bus.timeouts_ms[:2] == [3000, 3000] and 300 < bus.timeouts_ms[2] <= 500
 
 
+def test_an_answer_is_aborted_unless_the_instrument_is_off_the_bus() -> None:
+    asked = [_command(1, b"D?\n"), _ask(2, 1 << 16)]
+    bus, link = _link([*asked, BulkIn(IN, 65548, usb.core.USBError("No such device", -4, errno.ENODEV))])
+    with pytest.raises(usb_bus.Unplugged, match="was unplugged"):
+        link.query("D?")
+    bus.finish()
+    abort = In(3, 2, 2, b"\x81\x00", request_type=0xA2, index=IN)  # nothing to abort
+    told = usb.core.USBError("the probe was unplugged", -9, errno.EPIPE)  # by an instrument still on the bus
+    bus, link = _link([*asked, BulkIn(IN, 65548, told), abort])
+    with pytest.raises(DigitizerError, match="the probe was unplugged"):
+        link.query("D?")
+    bus.finish()
+
+
 def test_an_abort_ends_where_the_instrument_has_nothing_to_abort_or_stays_silent(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

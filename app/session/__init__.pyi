@@ -9,7 +9,7 @@ from .model_in_use import OwnLaws, drift_words, load_model, predicted, significa
 from .next_shots import PLAN, NextShots, planned_record, planned_setup
 from .result_cache import ResultCache
 from .rig import Open, Rig
-from .session import NOT_SAVED, Session
+from .session import Session
 from .session_files import is_session, last_session
 from .settings import FIELDS
 from .settings_store import SettingsStore
@@ -22,7 +22,6 @@ __all__ = [
     "BEATS",
     "FIELDS",
     "NAME",
-    "NOT_SAVED",
     "PLAN",
     "CandidateResidual",
     "ChannelKind",

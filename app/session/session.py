@@ -13,7 +13,6 @@ from instrument.files import CheckedTable, RecordingError, read_json, shown, wri
 SCHEMA = "levimass.session/1"
 UNDO_DEPTH = 100
 MAX_DISMISSED = 10_000
-NOT_SAVED = "the session could not be saved"  # the beginning of ``problem`` after a failed save
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +37,8 @@ class Session:
         self._redo: list[_State] = []
         self.dismissed: tuple[str, ...] = ()  # paths not to be offered at the next start, newest last
         self._next = 0  # highest number ever used; numbers are not reused, because undo restores removed shots
-        self.problem: str | None = None  # one line: why the session could not be saved or read
+        self.read_problem: str | None = None  # one line: why it could not be read, until it is saved
+        self.save_problem: str | None = None  # one line: why the last attempt to save failed
         self.revision = 0
         self.spool_arrays: Callable[[Shot], Shot] = lambda shot: shot  # moves arrays out of memory (``Spool``)
         self.save_by: Callable[[Callable[[], None]], None] = lambda save: save()
@@ -54,7 +54,12 @@ class Session:
     @property
     def unsaved(self) -> bool:
         """Get whether the last attempt to save failed, so that the newest change is not on disk."""
-        return (self.problem or "").startswith(NOT_SAVED)
+        return self.save_problem is not None
+
+    @property
+    def problem(self) -> str | None:
+        """Get one line on why the session could not be saved or read, or None."""
+        return self.save_problem or self.read_problem
 
     @property
     def can_undo(self) -> bool:
@@ -227,9 +232,9 @@ class Session:
             path.parent.mkdir(parents=True, exist_ok=True)
             write_json_atomic(path, document, sync=True)
         except (OSError, RecordingError) as error:
-            problem = f"{NOT_SAVED}: {error}"
+            problem = f"the session could not be saved: {error}"
         if problem != self.problem:
-            self.problem = problem
+            self.save_problem, self.read_problem = problem, None
             self.revision += 1  # so that the window shows the new problem
 
     def switch_to(self, other: "Session") -> None:
@@ -239,7 +244,7 @@ class Session:
         self.unlock()
         self.path, self.entries, self.effects = other.path, other.entries, other.effects
         self.dismissed = other.dismissed
-        self.unlock, self.problem = other.unlock, other.problem
+        self.unlock, self.read_problem, self.save_problem = other.unlock, other.read_problem, other.save_problem
         self._undo, self._redo, self._next = [], [], other._next
         self.revision += 1
 
@@ -268,10 +273,10 @@ class Session:
             session.dismissed = document.names("left_out")[-MAX_DISMISSED:]
             unknown.update(document.unread())
             if unknown:
-                session.problem = f"ignored, unknown to this version: {', '.join(sorted(unknown))}"
+                session.read_problem = f"ignored, unknown to this version: {', '.join(sorted(unknown))}"
         except RecordingError as error:
             aside = path.with_name(path.name + ".unreadable")
-            session.problem = f"the last session could not be read ({error}); the file was renamed to {aside.name}"
+            session.read_problem = f"the last session could not be read ({error}); the file was renamed to {aside.name}"
             try:
                 os.replace(path, aside)
             except OSError:

@@ -46,7 +46,7 @@ def last_session(name: str, folder: Path) -> Session:
             return named_session(Path(name))
         except RecordingError as error:
             session = own_session(folder)
-            session.problem = session.problem or f"{error}: the session without a name is open"
+            session.read_problem = session.read_problem or f"{error}: the session without a name is open"
             return session
     return own_session(folder)
 
@@ -68,8 +68,8 @@ def own_session(folder: Path) -> Session:
             break
         session = Session.reopen(path)
         session.unlock = lock.release
-        if number > 1 and session.problem is None:
-            session.problem = f"the session is open in another window; this window uses {path.name}"
+        if number > 1 and session.read_problem is None:
+            session.read_problem = f"the session is open in another window; this window uses {path.name}"
         return session
     return Session.reopen(folder / "session.json")
 

@@ -73,7 +73,16 @@ def test_a_folder_that_cannot_be_written_is_said_and_nothing_is_lost(tmp_path):
     session = Session(blocked / "session.json")
     session.add(_saved("shot-1", "/data/x.sigmf-meta"))
     assert len(session.entries) == 1
-    assert "could not be saved" in (session.problem or "")
+    assert "could not be saved" in (session.problem or "") and session.unsaved
+
+
+def test_why_a_session_could_not_be_read_is_said_until_it_is_saved(tmp_path):
+    path = tmp_path / "session.json"
+    path.write_text("{")
+    session = Session.reopen(path)
+    assert "could not be read" in (session.problem or "") and not session.unsaved
+    session.add(_saved("shot-1", "/data/x.sigmf-meta"))
+    assert session.problem is None and not session.unsaved
 
 
 def test_undo_brings_back_notes_and_removed_shots_and_keeps_later_ones():

@@ -8,7 +8,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
 from app.report import document_of
-from app.session import NOT_SAVED, Event, EventKind, SettingsStore, Workbench, is_swapped
+from app.session import Event, EventKind, SettingsStore, Workbench, is_swapped
 from app.window.file_dialog import FileDialogs, PathKind, ask
 from app.window.layout import Layout
 from app.window.presenters.rig import RECORDINGS
@@ -78,12 +78,12 @@ class SessionPresenter(QObject):
             self._seen = session.revision
             self._panels.table.show_session(session)
             self._selection.show_verdict()
-            problem = session.problem or ""  # read once, because the saver's thread may change it
-            if problem:
+            not_saved = session.save_problem  # read once, because the saver's thread may change it
+            if problem := not_saved or session.read_problem:
                 self.said.emit(problem, Tone.BAD)
             elif self._not_saved:
                 self.said.emit("The session is saved again", Tone.GOOD)
-            self._not_saved = problem.startswith(NOT_SAVED)
+            self._not_saved = not_saved is not None
 
     def _show_event(self, event: Event) -> None:
         self._show_table()

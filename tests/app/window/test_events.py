@@ -413,11 +413,11 @@ def test_why_no_shot_is_shown(window):
 
 def test_a_session_that_cannot_be_saved_is_said_until_it_is_again(window, monkeypatch):
     session = window.workbench.session
-    session.problem = "the session could not be saved: full"
+    session.save_problem = "the disk is full"
     session.revision += 1
     window.pull()
-    assert _said(window)[0].startswith("bad: the session could not be saved")
-    session.problem = None
+    assert _said(window)[0].startswith("bad: the disk is full")
+    session.save_problem = None
     session.revision += 1
     window.pull()
     assert _said(window) == ["good: The session is saved again"]

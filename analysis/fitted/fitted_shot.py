@@ -58,9 +58,9 @@ def with_fit_pending(shot: Shot) -> Shot:
     return replace(shot, impact=impact, flags=tuple(dict.fromkeys((*shot.flags, FIT_TO_FOLLOW))))
 
 
-def unfitted(shot: Shot, why: str) -> Shot:
-    """Return the shot marked as one whose fit failed, with the reason."""
-    return replace(with_fit(shot, None), fit_problem=why)
+def unfitted(shot: Shot, why: str, *, stopped: bool = False) -> Shot:
+    """Return the shot marked as one whose fit failed, or was stopped, with the reason."""
+    return replace(with_fit(shot, None), fit_problem=why, fit_stopped=stopped)
 
 
 def with_fit(shot: Shot, fit: Fit | None) -> Shot:
@@ -81,7 +81,7 @@ def with_fit(shot: Shot, fit: Fit | None) -> Shot:
     if impact is not None:
         contact = NotSeen("the fit failed") if fit is None else fitted_contact_cor(fit, _mass_kg(shot))
         impact = replace(impact, cor_kinetic=replace(impact.cor_kinetic, contact=contact))
-    return replace(shot, fit=fit, readings_fit=None, impact=impact, flags=flags, settings=settings)
+    return replace(shot, fit=fit, readings_fit=None, fit_stopped=False, impact=impact, flags=flags, settings=settings)
 
 
 def read_with(shot: Shot, fit: Fit) -> Shot:

@@ -75,6 +75,7 @@ class Shot:
     flags: tuple[str, ...] = ()
     problem: str | None = None
     fit_problem: str | None = None  # why the fit failed although the impact was read
+    fit_stopped: bool = False  # True: the fit was stopped before its end and may be repeated
     started_at: str | None = None
     note: str = ""
     plot_notes: tuple[PlotNote, ...] = ()

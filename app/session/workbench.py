@@ -27,7 +27,7 @@ from app.session.settings import correction_words
 from app.session.spool import Spool
 from app.session.verdict_basis import Diagnosed, Diagnoses, diagnose_shots, verdict_of
 from app.words import verdict_words
-from instrument.capture import STOPPED, CapturedShot
+from instrument.capture import CapturedShot
 from instrument.files import RecordingError, find_recordings, rewrite_note
 from instrument.process import SubprocessWorker
 
@@ -213,7 +213,7 @@ class Workbench:
         awaiting = self.session.entry(self._awaiting.pop(of, 0))
         if awaiting is None or awaiting.shot is None or not fit_pending(awaiting.shot):
             return None
-        if shot.fit_problem == STOPPED:  # Abort stopped the fit; a background job repeats it
+        if shot.fit_stopped:  # Abort stopped the fit; a background job repeats it
             self.model.refit_outdated(also=[awaiting])
             return awaiting
         entry = self.session.fill(awaiting.number, shot)

@@ -1,5 +1,5 @@
 from .acquisition import CAN_ARM, Deadlines, State
-from .analysis_thread import STOPPED, ShotAnalysis, fit_here
+from .analysis_thread import ShotAnalysis, fit_here
 from .capture import AcquireError, Capture, acquire
 from .snapshot import KEPT_IN_MEMORY, CapturedShot, SignalLine, Snapshot
 from .stream_reader import CaptureOptions
@@ -7,7 +7,6 @@ from .stream_reader import CaptureOptions
 __all__ = [
     "CAN_ARM",
     "KEPT_IN_MEMORY",
-    "STOPPED",
     "AcquireError",
     "Capture",
     "CaptureOptions",

@@ -11,8 +11,6 @@ from analysis.fitted import fit_pending
 from analysis.shot import AnalysisError, Cancelled, Progress, Recording, Shot
 from instrument.files import one_line
 
-STOPPED = "the analysis was stopped"
-
 Stop = Callable[[], bool]
 Analyse = Callable[[Recording, Progress, Stop], Shot]  # (recording, progress, cancelled?) -> shot
 Fit = Callable[[Shot, Progress, Stop], Shot]
@@ -90,7 +88,7 @@ class AnalysisThread:
             key, recording = item
             self._cancelled.clear()
             self.doing = ("analysing", 0.0)  # from here on it can be cancelled
-            shot, problem = self._attempt(partial(self._analysis.analyse, recording))
+            shot, problem, _ = self._attempt(partial(self._analysis.analyse, recording))
             del recording, item  # the file closes with the last reference to its recording
             if shot is not None and fit_pending(shot):
                 self._done(key, shot, problem)
@@ -99,15 +97,15 @@ class AnalysisThread:
             self._done(key, shot, problem)
 
     def _fitted(self, shot: Shot) -> Shot:
-        fitted, why = self._attempt(partial(self._analysis.fit, shot))
+        fitted, why, stopped = self._attempt(partial(self._analysis.fit, shot))
         if fitted is not None:
             return fitted
         from analysis.fitted import unfitted  # imported late, as in fit_here
 
-        return unfitted(shot, why or "the fit failed")
+        return unfitted(shot, why or "the fit failed", stopped=stopped)
 
-    def _attempt(self, step: Callable[[Progress, Stop], Shot]) -> tuple[Shot | None, str | None]:
-        """Run one step of an analysis; return the shot, or one line with the reason for its failure."""
+    def _attempt(self, step: Callable[[Progress, Stop], Shot]) -> tuple[Shot | None, str | None, bool]:
+        """Run one step of an analysis; return (shot, one line on why it failed, whether it was stopped)."""
 
         def progress(what: str, share: float) -> None:
             self.doing = (what, share)
@@ -117,10 +115,10 @@ class AnalysisThread:
             return self._closing or self._cancelled.is_set()
 
         try:
-            return step(progress, cancelled), None
+            return step(progress, cancelled), None, False
         except Cancelled:
-            return None, STOPPED
+            return None, "the analysis was stopped", True
         except AnalysisError as error:
-            return None, one_line(str(error))
+            return None, one_line(str(error)), False
         except Exception as error:  # a shot that crashes the analysis must not end the session
-            return None, f"the analysis failed: {one_line(repr(error))}"
+            return None, f"the analysis failed: {one_line(repr(error))}", False

@@ -94,6 +94,7 @@ def test_a_fit_that_does_not_come_leaves_the_readings_and_says_why(recording, an
     assert shot.impact.velocity_in_m_per_s == told[0][1].impact.velocity_in_m_per_s
     assert "fit_failed" in shot.flags and not fit_pending(shot)
     assert why in shot.fit_problem and told[-1][2] is None
+    assert shot.fit_stopped is isinstance(what, Cancelled)
 
 
 def test_a_close_stops_the_analysis_under_way_and_begins_no_other_though_the_queue_is_full():

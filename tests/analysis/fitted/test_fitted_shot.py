@@ -109,6 +109,8 @@ def test_a_shot_that_was_read_awaits_its_fit_where_there_is_something_to_fit() -
         assert not can_be_fitted(other) and with_fit_pending(other) is other
     failed = unfitted(shot, "too short")
     assert failed.fit is None and failed.fit_problem == "too short" and failed.flags == ("clipped", "fit_failed")
+    stopped = unfitted(shot, "given up", stopped=True)
+    assert stopped.fit_stopped and not (failed.fit_stopped or with_fit(stopped, of_fit(0.4)).fit_stopped)
 
 
 def test_a_fit_that_fails_keeps_the_effects_that_were_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,11 +10,11 @@ import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.diagnosis.result import Candidate
-from analysis.fitted.fitted_shot import with_fit_pending
+from analysis.fitted.fitted_shot import unfitted, with_fit_pending
 from analysis.shot.shot import AnalysisSettings, Cancelled
 from app.report.exports import motion_file_names
 from app.session import candidate_residuals as remainders
-from app.session import kernels, load, workbench
+from app.session import kernels, load
 from app.session.candidate_residuals import CandidateResiduals, by_evidence
 from app.session.jobs import JobQueues, Jobs, ShotJob
 from app.session.log import NAME, ProgramLog, note
@@ -176,7 +176,7 @@ def test_a_fit_that_was_stopped_is_made_as_a_job_and_another_one_is_taken(tmp_pa
     shot = synthetic.shot("a", count=9000)
     waiting = with_fit_pending(replace(shot, fit=None, fit_problem=None, path=str(tmp_path / "a.x")))
     assert [bench.add_shot(waiting, of).number for of in (7, 8)] == [1, 2]
-    assert bench.take_fit(replace(waiting, fit_problem=workbench.STOPPED), 8).number == 2
+    assert bench.take_fit(unfitted(waiting, "given up", stopped=True), 8).number == 2
     assert told == [[2]] and bench.session.entry(2).shot.fit is None
     assert bench.take_fit(replace(shot, path=None), 7).number == 1  # of two shots of one name it is the right one
     assert bench.session.entry(1).shot.fit is not None and bench.session.entry(2).shot.fit is None

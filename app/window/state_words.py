@@ -11,7 +11,7 @@ from app.session import Entry
 from app.window.panels.rig import TileText
 from app.window.theme import MARKS, Tone
 from app.words import MILD_FLAGS, VERDICTS, flag_words, joined, localised_number, number, size_words, tag, value_text
-from instrument.capture import KEPT_IN_MEMORY, SignalLine, Snapshot, State
+from instrument.capture import SignalLine, Snapshot, State
 from instrument.live import ChannelSignal
 from instrument.trigger import Level
 
@@ -85,7 +85,7 @@ def fault_words(snapshot: Snapshot) -> str:
         saved = "The one shot taken so far is saved." if one else f"All {snapshot.shots} shots so far are saved."
     else:
         saved = "No shot was lost: none had been taken."
-    kept = snapshot.remedy == KEPT_IN_MEMORY and not snapshot.unsaved  # saved to another folder since
+    kept = snapshot.save_failed and not snapshot.unsaved  # saved to another folder since
     remedy = "Arm again, or choose another folder first (F2)" if kept else snapshot.remedy or "arm again"
     return _sentences(snapshot.message or "something went wrong", saved, remedy)
 

@@ -1,12 +1,11 @@
 from .acquisition import CAN_ARM, Deadlines, State
 from .analysis_thread import ShotAnalysis, fit_here
 from .capture import AcquireError, Capture, acquire
-from .snapshot import KEPT_IN_MEMORY, CapturedShot, SignalLine, Snapshot
+from .snapshot import CapturedShot, SignalLine, Snapshot
 from .stream_reader import CaptureOptions
 
 __all__ = [
     "CAN_ARM",
-    "KEPT_IN_MEMORY",
     "AcquireError",
     "Capture",
     "CaptureOptions",

@@ -114,6 +114,7 @@ class Status:
     automatic: bool = False
     message: str = ""
     remedy: str = ""
+    save_failed: bool = False  # True: the fault is that a shot could not be saved
 
 
 @dataclass(slots=True)
@@ -127,8 +128,13 @@ class Acquisition:
     def __post_init__(self) -> None:
         self.status = Status(State.IDLE, self.clock(), None)
 
-    def handle(self, event: Event, message: str = "", remedy: str = "", *, automatic: bool = False) -> Action:
-        """Process an event; return the required action.  ``automatic``, with ARM only: re-arm after each shot."""
+    def handle(
+        self, event: Event, message: str = "", remedy: str = "", *, automatic: bool = False, save_failed: bool = False
+    ) -> Action:
+        """Process an event; return the required action.
+
+        ``automatic``, with ARM only: re-arm after each shot; ``save_failed``, with FAIL only: a shot was not saved.
+        """
         before = self.status
         entry = self._next(event)
         if entry is None:
@@ -138,9 +144,10 @@ class Acquisition:
         still_automatic = before.automatic and state not in (State.IDLE, State.FAULT)
         rearm = automatic if event is Event.ARM else still_automatic
         if event is Event.FAIL and before.state is State.FAULT:
+            save_failed = before.save_failed if before.remedy else save_failed
             message, remedy = before.message or message, before.remedy or remedy  # the first fault is the cause
         limit = self.deadlines.of(state)
-        self.status = Status(state, now, None if limit is None else now + limit, rearm, message, remedy)
+        self.status = Status(state, now, None if limit is None else now + limit, rearm, message, remedy, save_failed)
         return action
 
     def set_automatic(self, on: bool) -> None:

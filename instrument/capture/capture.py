@@ -111,7 +111,7 @@ class Capture:
             status = replace(status, state=State.ARMING, since_s=pressed_s)
         if self._unanswered(stream):
             what, remedy = "the digitizer does not answer", "re-plug it, then choose it again"
-            status = replace(status, state=State.FAULT, message=what, remedy=remedy)
+            status = replace(status, state=State.FAULT, message=what, remedy=remedy, save_failed=False)
         doing, progress = self._progress(status.state)
         return Snapshot(
             state=status.state,
@@ -119,6 +119,7 @@ class Capture:
             automatic=status.automatic,
             message=status.message,
             remedy=status.remedy,
+            save_failed=status.save_failed,
             signal=self._signal(stream, folder),
             live=self._live.view if self._live is not None else empty_view(),
             doing=doing,

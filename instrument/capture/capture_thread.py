@@ -15,7 +15,6 @@ from instrument.capture.acquisition import Acquisition, Action, Event, State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.captured_shots import ABORTED, CapturedShots
 from instrument.capture.recorder import GrowingShot, Recorded, Recorder
-from instrument.capture.snapshot import KEPT_IN_MEMORY
 from instrument.capture.stream_reader import CaptureOptions, ReadBlock, StreamReader, check_settings
 from instrument.devices import Digitizer, DigitizerError, usual_settings
 from instrument.files import FolderLock, RecordingError, disk_free_bytes, one_line
@@ -222,9 +221,9 @@ class CaptureThread:
             if self.machine.status.state is not State.FAULT and not self.closing:
                 self.machine.handle(Event.FAIL, one_line(str(error)), "re-plug the digitizer")
 
-    def _fail(self, what: str, remedy: str) -> None:
+    def _fail(self, what: str, remedy: str, *, save_failed: bool = False) -> None:
         self._say(f"{what}: {remedy}" if remedy else what)
-        self._do(self.machine.handle(Event.FAIL, what, remedy))
+        self._do(self.machine.handle(Event.FAIL, what, remedy, save_failed=save_failed))
 
     # samples and shots --------------------------------------------------------------------------------------------
 
@@ -317,7 +316,7 @@ class CaptureThread:
             self.shot = None
             self._awaited = number
         if recorded.problem is not None:
-            self._fail(recorded.problem, KEPT_IN_MEMORY)
+            self._fail(recorded.problem, "the shot is kept in memory: save it to another folder", save_failed=True)
         elif awaited:
             self._do(self.machine.handle(Event.SAVED))
             if number is None:

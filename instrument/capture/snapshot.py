@@ -10,8 +10,6 @@ from instrument.devices import CaptureSettings
 from instrument.live import ChannelSignal, LiveView
 from instrument.trigger import Level
 
-KEPT_IN_MEMORY = "the shot is kept in memory: save it to another folder"  # the remedy for a shot that was not saved
-
 
 @dataclass(frozen=True, slots=True)
 class SignalLine:
@@ -66,6 +64,7 @@ class Snapshot:
     progress: float | None = None  # of that step, 0 to 1
     shots: int = 0  # captured since the start
     captured: tuple[CapturedShot, ...] = ()  # all that wait for their analysis, and the newest others
+    save_failed: bool = False  # True: the fault is that a shot could not be saved
     unsaved: tuple[str, ...] = field(default=())  # names of shots that are only in memory: save_pending
 
     @property

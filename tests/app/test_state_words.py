@@ -12,7 +12,7 @@ from app.session.session import Entry
 from app.window import state_words
 from app.window.theme import Tone
 from instrument.capture.acquisition import State
-from instrument.capture.snapshot import KEPT_IN_MEMORY, CapturedShot, SignalLine, Snapshot
+from instrument.capture.snapshot import CapturedShot, SignalLine, Snapshot
 from instrument.devices.digitizer import CaptureSettings
 from instrument.live.live_view import ChannelSignal, empty_view
 from tests.app import synthetic
@@ -51,12 +51,13 @@ def test_a_fault_says_what_happened_what_was_saved_and_what_to_do(more, said):
 
 @pytest.mark.parametrize(
     ("unsaved", "said"),
-    [(("shot-0003",), "The shot is kept in memory: save it to another folder."), ((), "Arm again, or choose another")],
+    [(("shot-0003",), "Save it elsewhere."), ((), "Arm again, or choose another")],
 )
 def test_a_shot_that_could_not_be_saved_is_to_be_saved_until_it_is(unsaved, said):
-    fault = _snapshot(State.FAULT, message="the disk is full", remedy=KEPT_IN_MEMORY, shots=3, unsaved=unsaved)
+    told = {"message": "the disk is full", "remedy": "save it elsewhere", "save_failed": True}
+    fault = _snapshot(State.FAULT, **told, shots=3, unsaved=unsaved)
     _, sentence, _ = state_words.banner(fault, None)
-    assert said in sentence and ("kept in memory" in sentence) == bool(unsaved)
+    assert said in sentence and ("Save it" in sentence) == bool(unsaved)
 
 
 def _channel(role: Role, snr_db: float | None = 40.0, frequency_hz: float | None = 2.73e6, clipped: float = 0.0):

@@ -166,7 +166,19 @@ def test_the_first_cause_of_a_fault_stays() -> None:
     machine, _ = at(State.ARMED)
     machine.handle(Event.FAIL, "unplugged", "plug it in")
     machine.handle(Event.FAIL, "no such device")
+    machine.handle(Event.FAIL, "the disk is full", "save it elsewhere", save_failed=True)
     assert machine.status.message == "unplugged" and machine.status.remedy == "plug it in"
+    assert not machine.status.save_failed
+
+
+def test_a_shot_that_was_not_saved_is_the_fault_until_it_is_left() -> None:
+    machine, _ = at(State.TRANSFERRING)
+    machine.handle(Event.FAIL, "the disk is full", "save it elsewhere", save_failed=True)
+    assert machine.status.save_failed
+    machine.handle(Event.FAIL, "unplugged", "plug it in")
+    assert machine.status.save_failed  # still the cause
+    machine.handle(Event.ABORT)
+    assert not machine.status.save_failed
 
 
 @given(st.lists(st.sampled_from(Event), max_size=40))

@@ -40,6 +40,7 @@ def test_a_full_disk_keeps_the_shot_in_memory_savable_elsewhere(
         rig.capture.arm(automatic=True)
         fault = until(rig.capture, lambda s: s.state is State.FAULT and bool(s.finished))
         assert "No space left" in fault.message and "memory" in fault.remedy and fault.unsaved == ("shot-0001",)
+        assert fault.save_failed
         assert fault.finished[0].shot is not None and fault.finished[0].path is None
         assert "interrupted" in read_recording(there / "shot-0001").flags
         with pytest.raises(RecordingError, match="does not exist"):

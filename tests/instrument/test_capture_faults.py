@@ -29,6 +29,7 @@ def test_unplugging_keeps_what_came_and_plugging_in_recovers(tmp_path: Path) -> 
         rig.capture.arm(automatic=True)
         fault = until(rig.capture, lambda s: s.state is State.FAULT)
         assert fault.message == "the device was unplugged" and fault.remedy == "plug it in and arm again"
+        assert not fault.save_failed
         kept = until(rig.capture, lambda s: bool(s.finished)).finished[0]
         assert kept.path is not None and "cut_short" in read_recording(kept.path).flags
         assert rig.said == ["the device was unplugged: plug it in and arm again"]

@@ -31,7 +31,7 @@ from app.window.panels.session_model import VERDICT
 from app.window.presenters import rig
 from app.window.theme import Tone
 from instrument.capture.acquisition import State
-from instrument.capture.snapshot import KEPT_IN_MEMORY, CapturedShot, SignalLine
+from instrument.capture.snapshot import CapturedShot, SignalLine
 from instrument.devices.device_search import FoundDevice
 from instrument.devices.digitizer import CaptureSettings
 from instrument.files.foreign_file import ForeignChannel, ForeignContents
@@ -103,7 +103,7 @@ def test_every_state_of_the_rig(window, monkeypatch):
         "a fault before any shot": quiet(
             state=State.FAULT, message="the cable is out", remedy="plug it in", signal=lost
         ),
-        "a fault, all saved": quiet(state=State.FAULT, message="the cable is out", remedy=KEPT_IN_MEMORY, shots=2),
+        "a fault, all saved": quiet(state=State.FAULT, message="the cable is out", save_failed=True, shots=2),
         "a fault, two unsaved": quiet(state=State.FAULT, message="disk full", shots=3, unsaved=("shot-2", "shot-3")),
         "at rest, one unsaved": quiet(unsaved=("run-1",), message="stopped", remedy="arm again"),
     }

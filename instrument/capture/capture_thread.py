@@ -13,7 +13,7 @@ from analysis.fitted import fit_pending
 from analysis.shot import Gap
 from instrument.capture.acquisition import Acquisition, Action, Event, State
 from instrument.capture.analysis_thread import ShotAnalysis
-from instrument.capture.captured_shots import ABORTED, CapturedShots
+from instrument.capture.captured_shots import CapturedShots
 from instrument.capture.recorder import GrowingShot, Recorded, Recorder
 from instrument.capture.stream_reader import CaptureOptions, ReadBlock, StreamReader, check_settings
 from instrument.devices import Digitizer, DigitizerError, usual_settings
@@ -166,7 +166,8 @@ class CaptureThread:
             self.shot.finish(None if self.shot.room == 0 else "the stream ended")
             self._stop_unless_wanted()
         elif action is Action.KEEP:
-            self._keep(self.machine.status.message or ABORTED)
+            aborted = self.machine.status.state is State.IDLE  # a fault keeps the shot, too
+            self._keep(self.machine.status.message or "aborted", aborted=aborted)
             self._stop_unless_wanted()
         elif action is Action.STOP:
             self._stop_unless_wanted()
@@ -305,9 +306,9 @@ class CaptureThread:
         self._do(self.machine.handle(Event.TRIGGER))
         self.recorder.begin(shot, self.options.folder)
 
-    def _keep(self, reason: str) -> None:
+    def _keep(self, reason: str, *, aborted: bool = False) -> None:
         if self.shot is not None and not self.shot.complete:
-            self.shot.finish(reason)
+            self.shot.finish(reason, aborted=aborted)
 
     def _recorded(self, recorded: Recorded) -> None:
         number = self.captured.recorded(recorded)

@@ -12,7 +12,6 @@ from instrument.capture.snapshot import CapturedShot
 from instrument.files import RecordingError, SomeShotsNotSaved
 
 SHOTS_IN_SNAPSHOT = 16  # analysed shots kept, the newest ones; a reader that needs more must keep them
-ABORTED = "aborted"
 
 
 class CapturedShots:
@@ -43,7 +42,7 @@ class CapturedShots:
             with self._saving:
                 self._unsaved[recording.name] = recorded
         captured = CapturedShot(number, recording.name, path, shot.settings, problem=recorded.problem, waits=True)
-        if self.analysis is None or shot.ended_early == ABORTED or recording.samples == 0:
+        if self.analysis is None or shot.aborted or recording.samples == 0:
             self._show(_analysed(captured, None, shot.ended_early))
             return None
         self._show(captured)

@@ -50,6 +50,7 @@ class GrowingShot:
     written: int = 0  # samples already on disk
     gaps: list[Gap] = field(default_factory=list)
     ended_early: str | None = None
+    aborted: bool = False  # True: the operator ended it early
     complete: bool = False
     grown: threading.Event = field(default_factory=threading.Event)
 
@@ -70,11 +71,11 @@ class GrowingShot:
         if self.filled > 0:
             self.gaps.append(Gap(self.filled, samples_lost))
 
-    def finish(self, reason: str | None = None) -> None:
+    def finish(self, reason: str | None = None, *, aborted: bool = False) -> None:
         """End the shot; ``reason`` says why samples are missing.  Nothing is added after this."""
         after = self.settings.samples - self.settings.pre_trigger_samples
         if reason is not None and self.filled - self.trigger_sample < _ENOUGH * after:
-            self.ended_early = reason
+            self.ended_early, self.aborted = reason, aborted
         for column, channel in enumerate(self.channels):
             if channel.role is Role.SWITCH:
                 reach = max(32, round(_LEVEL_REACH_S * self.settings.sample_rate_hz))

@@ -11,7 +11,7 @@ import pytest
 
 from analysis.shot.recording import Channel, Recording, Role, Setup
 from instrument.capture import captured_shots, recorder, snapshot
-from instrument.capture.captured_shots import ABORTED, CapturedShots
+from instrument.capture.captured_shots import CapturedShots
 from instrument.capture.recorder import GrowingShot, Recorded, Recorder, _highest_number, save_elsewhere
 from instrument.capture.snapshot import CapturedShot
 from instrument.devices.digitizer import CaptureSettings
@@ -22,10 +22,12 @@ SETTINGS = CaptureSettings(1e6, 100, 20)
 CHANNELS = (Channel(Role.MEASUREMENT, 1e-3),)
 
 
-def _recorded(name: str, problem: str | None = None, early: str | None = None, filled: int = 100) -> Recorded:
+def _recorded(
+    name: str, problem: str | None = None, early: str | None = None, filled: int = 100, aborted: bool = False
+) -> Recorded:
     counts = np.arange(100, dtype=np.int16)[:, None]
     shot = GrowingShot(SETTINGS, CHANNELS, Setup(17.85e-3), "bench", "2026-01-01T00:00:00Z", 20, counts)
-    shot.filled, shot.ended_early = filled, early
+    shot.filled, shot.ended_early, shot.aborted = filled, early, aborted
     recording = shot.recording(name)
     if problem is None:
         recording = replace(recording, path=f"/data/{name}.sigmf-meta")
@@ -71,8 +73,8 @@ def test_an_analysed_shot_comes_with_its_readings_then_under_the_same_number_wit
     numbers = [
         shots.recorded(_recorded("a")),
         shots.recorded(_recorded("b", problem="the disk is full")),
-        shots.recorded(_recorded("c", early=ABORTED)),  # given up: nobody waits for its readings
-        shots.recorded(_recorded("d", early="the stream ended")),
+        shots.recorded(_recorded("c", early="given up", aborted=True)),  # given up: nobody waits for its readings
+        shots.recorded(_recorded("d", early="aborted")),
         shots.recorded(_recorded("e", filled=0)),
         shots.recorded(_recorded("f")),
     ]
@@ -89,7 +91,7 @@ def test_an_analysed_shot_comes_with_its_readings_then_under_the_same_number_wit
     shots.analysed(4, "never", None)  # type: ignore[arg-type] - known already
     shots.analysed(7, "never", None)  # type: ignore[arg-type] - unknown
     assert [(shot.number, shot.name, shot.shot, shot.problem) for shot in shots.shown] == [
-        (3, "c", None, ABORTED),
+        (3, "c", None, "given up"),
         (5, "e", None, None),
         (6, "f", None, "not analysed: too many shots are waiting"),
         (1, "a", "a!", None),

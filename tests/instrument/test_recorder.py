@@ -57,8 +57,8 @@ def test_a_shot_that_lacks_more_than_a_tenth_after_its_trigger_is_cut_short(
 ) -> None:
     """Of the 80 samples after the trigger, 72 are enough."""
     shot.append(np.zeros((filled, 2), np.int16))
-    shot.finish("the cable was pulled")
-    assert shot.ended_early == ("the cable was pulled" if short else None)
+    shot.finish("the operator had enough", aborted=True)
+    assert shot.ended_early == ("the operator had enough" if short else None) and shot.aborted is short
     assert ("cut_short" in shot.recording("a").flags) == short
 
 

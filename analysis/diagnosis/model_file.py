@@ -25,6 +25,7 @@ _POSITIVE = re.compile(r"^[^.]*(stiffness|mass)_[^.]*$")  # of the base; an effe
 _NOT_NEGATIVE = re.compile(r"^contact_damping_[^.]*$")
 _ROUNDING = 1e-6  # tolerance of a correlation, for rounding when written and read
 _ERRORS = ("before", "after", "held_out_before", "held_out_after")
+_COMBINED = "combined standard uncertainties: noise, and mass, wavelength, air and clock"
 
 
 class ModelFileError(AnalysisError):
@@ -71,8 +72,9 @@ def saved(
     return SavedModel(fit.model, fit.effects, parameters, fit.covariance, tuple(shots), errors, base, only_tried)
 
 
-def to_text(model: SavedModel) -> str:
-    """Return the model as TOML."""
+def to_text(model: SavedModel, combined_std: Mapping[str, float] | None = None) -> str:
+    """Return the model as TOML; ``combined_std`` are the combined uncertainties of parameters that have a budget."""
+    std = " and standard uncertainty" if combined_std is None else ", and standard uncertainty from noise alone"
     tried = ", ".join(_string(effect.key) for effect in model.tried)
     lines = [
         f"schema = {_string(SCHEMA)}",
@@ -81,7 +83,7 @@ def to_text(model: SavedModel) -> str:
         *([f"tried = [{tried}]  # no diagnosis named them"] if model.tried else []),
         f"shots = [{', '.join(_string(name) for name in model.shots)}]",
         "",
-        "[parameters]  # value and standard uncertainty, SI units",
+        f"[parameters]  # value{std}, SI units",
     ]
     lines += _quantities(model.parameters)
     lines += ["", "[covariance]  # of the parameters, in their order", "rows = ["]
@@ -96,6 +98,9 @@ def to_text(model: SavedModel) -> str:
     for name, errors in model.errors.items():
         lines += ["", f"[errors.{name}]"]
         lines += [f"{key} = {_number(value)}" for key, value in asdict(errors).items()]
+    if combined_std:
+        lines += ["", f"[combined_std]  # {_COMBINED}"]
+        lines += [f"{name} = {_number(value)}" for name, value in combined_std.items()]
     return "\n".join(lines) + "\n"
 
 

@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from analysis.diagnosis import PredictionTest
 
 DRIFT_SIGMAS = 4.0  # least significant deviation, in joint standard uncertainties
-NOISE_ALONE = "value, and standard uncertainty from noise alone, SI units"
-COMBINED = "combined standard uncertainties: noise, and mass, wavelength, air and clock"
 
 
 def save_model(
@@ -72,19 +70,10 @@ def write_model(
     """Write the model file of a fit to these shots; return the model.  Raises RecordingError."""
     names = [shot.path or shot.name for shot in shots if shot.fit is not None]
     model = saved(fit, names, diagnosis, tried)
-    write_text_atomic(path, with_combined(to_text(model), fit, shots), sync=True)
-    return model
-
-
-def with_combined(text: str, fit: Fit, shots: Sequence[Shot]) -> str:
-    """Return a model file's text, extended by combined uncertainties of the parameters that have a budget."""
     shared = shared_stds(shots)
     combined = {name: math.hypot(q.std, shared[name]) for name, q in fit.parameters.items() if name in shared}
-    text = text.replace("# value and standard uncertainty, SI units", f"# {NOISE_ALONE}")
-    if not combined:
-        return text
-    lines = [f"{name} = {std!r}" for name, std in combined.items()]
-    return "\n".join([text.rstrip("\n"), "", f"[combined_std]  # {COMBINED}", *lines, ""])
+    write_text_atomic(path, to_text(model, combined), sync=True)
+    return model
 
 
 def load_model(path: Path) -> SavedModel:

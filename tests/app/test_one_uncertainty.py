@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.diagnosis.model_file import from_text, saved, to_text
+from analysis.diagnosis.model_file import from_text
 from analysis.paper.paper import reproduce
 from analysis.report import result
 from analysis.shot.quantity import Quantity
@@ -17,7 +17,7 @@ from analysis.uncertainty.series_statistics import series
 from app.report.exports import columns_of, export
 from app.report.number_tables import summary
 from app.report.page import report_of
-from app.session.model_in_use import NOISE_ALONE, with_combined
+from app.session.model_in_use import write_model
 from app.session.session import Session
 from app.window.panels.compare import ComparePanel
 from app.window.panels.large import LargePanel
@@ -143,12 +143,14 @@ def test_a_reports_table_of_all_shots_states_the_combined_uncertainty(entry, com
     assert f"<td>{replace(mean, std=math.hypot(mean.std, shared))}</td>" in page
 
 
-def test_a_model_file_says_which_uncertainty_is_which(entry, combined):
+def test_a_model_file_says_which_uncertainty_is_which(entry, combined, tmp_path):
     fit = entry.shot.fit
-    text = with_combined(to_text(saved(fit, ["a"])), fit, [entry.shot])
+    path = "/data/# value and standard uncertainty, SI units"  # a name that looks like the file's own comment
+    write_model(tmp_path / "model.toml", fit, [replace(entry.shot, path=path)], None, ())
+    text = (tmp_path / "model.toml").read_text(encoding="utf-8")
     whole = tomllib.loads(text)
     name = "plate_stiffness_n_per_m"
-    assert NOISE_ALONE in text and "value and standard uncertainty" not in text
+    assert "value, and standard uncertainty from noise alone" in text and from_text(text).shots == (path,)
     assert whole["parameters"][name]["std"] == fit.parameters[name].std
     assert whole["combined_std"][name] == pytest.approx(combined[name].std)
     assert from_text(text).parameters[name].std == fit.parameters[name].std

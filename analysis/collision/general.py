@@ -226,11 +226,11 @@ def _solved(
         count = stepped(system, record, _limits(rates, effects, stride), room)
     assert count != march.NO_ROOM
     if count == march.TOO_MANY_EVENTS:
-        raise TooManyEvents(f"more than {MAX_EVENTS} contact events with {collision}")
+        raise TooManyEvents(f"more than {MAX_EVENTS} contact events")
     if count == march.TOO_MANY_STEPS:
-        raise TooManyEvents(f"more steps than a solution may take with {collision}")
+        raise TooManyEvents("more steps than a solution may take")
     if count < 0:
-        raise UnboundedMotion(f"the motion grows without bound with {collision}")
+        raise UnboundedMotion("the motion grows without bound")
     return record, int(count), system
 
 

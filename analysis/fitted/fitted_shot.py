@@ -3,7 +3,6 @@
 The model is imported where it is used, so that a shot's readings and the window do not wait for the import.
 """
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -28,7 +27,6 @@ from analysis.shot import (
 )
 from levimass import is_drive
 
-_INNER = re.compile(r" with Collision\(.*\)", re.DOTALL)
 PATIENCE = 2.0  # a fit is abandoned after this multiple of its time limit, because one of its steps does not end
 FAILED, FIT_TO_FOLLOW = "fit_failed", "fit_to_follow"
 READ_FROM_MODEL = "read_from_model"  # the pulse's readings come from the fitted model
@@ -177,15 +175,8 @@ def fit_jointly(
         if left.over:
             raise AnalysisError(left.words) from None
         raise
-    except AnalysisError as error:
-        raise AnalysisError(in_words(error)) from error
     except (LinAlgError, ValueError, IndexError, ZeroDivisionError) as error:  # the motion resembles no collision
         raise AnalysisError(f"the model cannot be fitted to this motion ({error})") from error
-
-
-def in_words(error: Exception) -> str:
-    """Return the reason why a fit failed, without the parameters of the failed trial."""
-    return _INNER.sub("", str(error))
 
 
 def flags_of(fit: Fit) -> tuple[str, ...]:

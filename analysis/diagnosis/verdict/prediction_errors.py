@@ -12,7 +12,7 @@ from analysis.diagnosis.result import Errors
 from analysis.diagnosis.verdict.residual import errors
 from analysis.drive import Repeatability, Table, chi2, force_noise, prediction_residual_n, rms
 from analysis.drive import prepare as prepare_drive
-from analysis.fitted import fit_jointly, in_words
+from analysis.fitted import fit_jointly
 from analysis.inference import PLATE_NAMES, JointData, Point, Problem, averaged_shots, base_named, trials_of
 from analysis.shot import (
     AnalysisError,
@@ -77,7 +77,7 @@ def evaluate_predictions(
             bare, whole = one(motion, *_on_its_plate(motion, model, base))
             told.append(PredictedShot(name, took_part, bare, whole))
         except (AnalysisError, Infeasible, np.linalg.LinAlgError) as error:
-            told.append(PredictedShot(name, took_part, None, None, in_words(error)))
+            told.append(PredictedShot(name, took_part, None, None, str(error)))
     bare, whole = _all(told, "error_base"), _all(told, "error_model")
     return PredictionTest(model.base, model.effects, bare, whole, tuple(told))
 

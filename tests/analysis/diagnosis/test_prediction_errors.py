@@ -125,12 +125,11 @@ def test_each_shot_is_predicted_by_base_and_model_and_what_fails_says_why(
     monkeypatch.setattr(module, "fit_jointly", fitted)
     monkeypatch.setattr(module, "_on_its_plate", lambda motion, model, base: (model, base))
     monkeypatch.setattr(module, "_driven" if base == "driven" else "_collision", one)
-    monkeypatch.setattr(module, "in_words", lambda error: f"because {error}")
     motions: Any = list("abcd")
     found = evaluate_predictions(motions, ["a", "b", "c", "d"], model)
     assert asked == [(motion, {"known" if known else "fitted": 1}) for motion in "abcd"]
     assert [(shot.name, shot.took_part, shot.problem) for shot in found.shots] == [
-        ("a", False, None), ("b", True, None), ("c", False, "because too short"), ("d", False, "because singular"),
+        ("a", False, None), ("b", True, None), ("c", False, "too short"), ("d", False, "singular"),
     ]  # fmt: skip
     assert (found.model, found.effects) == (base, ("effects",))
     assert (found.error_base.force_rms_n, found.error_model.force_rms_n) == (3.0, 1.0)

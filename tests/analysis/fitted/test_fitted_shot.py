@@ -13,7 +13,6 @@ from analysis.fitted.fitted_shot import (
     fit_jointly,
     fit_pending,
     fit_shot,
-    in_words,
     read_together,
     readings_model,
     readings_model_result,
@@ -144,8 +143,7 @@ def test_a_fit_is_made_of_the_shots_own_motion_model_and_time(monkeypatch: pytes
     assert found.fit_problem is None and found.fit is not None and found.settings.effects == (effect_named("tilt"),)
 
 
-def test_what_ends_a_fit_is_told_without_the_parameters_it_ended_at(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert in_words(ValueError("no end with Collision(a=1,\n b=2)")) == "no end"
+def test_what_ends_a_fit_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     limits: list[tuple[float, str]] = []
     ending: list[Exception] = []
 
@@ -157,7 +155,7 @@ def test_what_ends_a_fit_is_told_without_the_parameters_it_ended_at(monkeypatch:
     motion = synthetic.shot().motion
     assert motion is not None
     for error, said in (
-        (AnalysisError("no touch with Collision(k=1)"), "^no touch$"),
+        (AnalysisError("no touch"), "^no touch$"),
         (ZeroDivisionError("by zero"), r"^the model cannot be fitted to this motion \(by zero\)$"),
         (ValueError("x"), r"^the model cannot be fitted to this motion \(x\)$"),
     ):

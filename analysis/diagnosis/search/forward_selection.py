@@ -32,9 +32,9 @@ EXTRA_CANDIDATES = 3  # further ones, where the residual is far above noise
 WORTH_FINISHING = 40.0  # BIC behind the best after a short search, up to which a longer search is worth its time
 WORTH_FITTING = 8.0  # score gain; with less, a fit never lowers the BIC by as much as required
 UNLEARNED_NOISE_CANDIDATES = 3  # further ones: the best scores under noise that has not absorbed what the model lacks
-RESTARTS = 2  # first effects of restarts where the effects found leave a residual ...
-RESTARTS_IN_WANDERING_NOISE = 4  # ... or wandering noise, which absorbs most of what either of two effects explains
-RESTART_CANDIDATES = 3  # best scores fitted per step of a restart: from a right first effect the right next one leads
+RESTARTS = 2  # other first effects from which the search restarts if a residual remains
+RESTARTS_IN_WANDERING_NOISE = 4  # the same if the noise wanders: it absorbs most of what either of two effects explains
+RESTART_CANDIDATES = 3  # fitted per step of a restart: once the first effect is right, the right next one scores best
 EXPLAINED = 1.1  # chi^2 per sample under noise that was not learnt: clean sets 0.91 to 1.05, a wrong minimum 22
 CLOSE = 500.0  # BIC between two fits; with more, one of them may be in a wrong minimum
 _REPEAT_BIC = 30.0  # a fit without an effect is repeated if it is worse, and the full fit has gained, by this much BIC
@@ -52,9 +52,9 @@ class Trail:
     elsewhere: dict[frozenset[Effect], list[Fitted]] = field(default_factory=dict)  # at other frequencies or ranges
     last: Linearised | None = None  # of the last round
     # for each fit made by removing an effect: the BIC of the fit from which it was removed
-    asked: dict[frozenset[Effect], float] = field(default_factory=dict)
+    removed_from_bic: dict[frozenset[Effect], float] = field(default_factory=dict)
     limit: Limit | None = None
-    beat: float = math.inf  # BIC of a likelier search: this search stops where it cannot come below
+    beat: float = math.inf  # stop when this BIC of a rival search can no longer be beaten
     compared: bool = False  # whether there was time to compare the effects of the catalogue
 
     def __post_init__(self) -> None:
@@ -287,49 +287,71 @@ def add_best_effect(
     """Return the best fit with one more effect, out of the ``width`` best scores; None where no effect scored."""
     at = trail.linearised(here)
     trail.last = at
-    there = {*here.effects, *contained_effects(here.effects)}
-    free = [kind for kind in trail.catalogue if kind.effect not in there]
+    free = _may_join(here, trail)
     ranked = _ranked(at, free, trail)
     if first:
         trail.scores.update({listed[0].kind.effect: listed[0] for listed in ranked})
-    strong = float(at.left @ at.left) > 1.5 * at.left.size or not here.converged
-    # The first round compares effects; later rounds only look for further ones.
-    compared = (REFITTED if ranked and ranked[0][0].gain > WORTH_FITTING else 2) if first else 0
-    tried = [
-        score
-        for place, listed in enumerate(ranked[: min(width, REFITTED + EXTRA_CANDIDATES if strong else REFITTED)])
-        if strong or place < compared or listed[0].gain > WORTH_FITTING
-        for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
-    ]
+    far_above_noise = float(at.left @ at.left) > 1.5 * at.left.size or not here.converged
+    tried = _starts_worth_fitting(ranked, width, first=first, far_above_noise=far_above_noise)
     if first and here.noise.site:
         # Frame motion that was computed with the base model may reverse the apparent sign of an effect.
         turned = (opposite(score) for score in tried if score.gain > WORTH_FITTING)
         tried += [score for score in turned if score is not None]
     if here.noise.coloured:
-        # The noise was learnt from the residual and may have absorbed an effect.
-        scored = {score.kind.effect for score in tried}
-        other = _ranked(at.under(here.unlearned_noise), free, trail)[:UNLEARNED_NOISE_CANDIDATES]
-        tried += [listed[0] for listed in other if listed[0].kind.effect not in scored]
-    refitted = _refitted(at, tried, trail.stop)
-    known = {score.kind.effect: trail.of((*trail.start.effects, score.kind.effect)) for score in tried if not first}
-    alone = [fitted for fitted in known.values() if fitted is not None and trail.pays(fitted, trail.start)]
-    refitted += side_by_side(lambda fitted: with_both_effects(here, fitted, trail.start, trail.stop), alone)
-    quick = sorted((trial for trial in refitted if trial is not None), key=lambda trial: trial.bic)
+        tried += _absorbed_by_noise(_ranked(at.under(here.unlearned_noise), free, trail), tried)
+    short = _refitted(at, tried, trail.stop)
+    if not first:
+        short += _with_single_effects(here, tried, trail)
+    fits = _continued(short, 2 if far_above_noise else 1, trail.stop)
+    for fitted in fits:
+        trail.keep(fitted)
+    trail.compared |= first
+    return min(fits, key=lambda fitted: fitted.bic, default=None)
 
-    def finished(place: int) -> Fitted:
-        trial = quick[place]
-        near = trial.bic < quick[0].bic + WORTH_FINISHING and place < REFITTED
-        if near or place < 1 or (strong and place < 2):
-            return trial.refitted(evaluations=16, cancelled=trail.stop)
-        return trial
 
-    best: Fitted | None = None
-    for trial in side_by_side(finished, range(len(quick))):
-        trail.keep(trial)
-        if best is None or trial.bic < best.bic:
-            best = trial
-    trail.compared = trail.compared or first
-    return best
+def _starts_worth_fitting(
+    ranked: Sequence[list[Score]], width: int, *, first: bool, far_above_noise: bool
+) -> list[Score]:
+    """Return the starts from which the best of at most ``width`` ranked effects are fitted, two for the best two.
+
+    The first round compares effects; later rounds only look for further ones.
+    """
+    compared = (REFITTED if ranked and ranked[0][0].gain > WORTH_FITTING else 2) if first else 0
+    most = min(width, REFITTED + EXTRA_CANDIDATES if far_above_noise else REFITTED)
+    return [
+        score
+        for place, listed in enumerate(ranked[:most])
+        if far_above_noise or place < compared or listed[0].gain > WORTH_FITTING
+        for score in distinct_starts(listed)[: 1 if place >= 2 else 2]
+    ]
+
+
+def _absorbed_by_noise(ranked_without: Sequence[list[Score]], tried: Sequence[Score]) -> list[Score]:
+    """Return the best starts ranked under noise that was not learned from the residual, of effects not yet tried.
+
+    Noise that was learned from the residual may have absorbed an effect.
+    """
+    effects = {score.kind.effect for score in tried}
+    best = (listed[0] for listed in ranked_without[:UNLEARNED_NOISE_CANDIDATES])
+    return [score for score in best if score.kind.effect not in effects]
+
+
+def _with_single_effects(here: Fitted, tried: Sequence[Score], trail: Trail) -> list[Fitted | None]:
+    """Return the fits of ``here`` jointly with those effects of ``tried`` that pay alone, started at their own fits."""
+    known = [trail.of((*trail.start.effects, effect)) for effect in dict.fromkeys(score.kind.effect for score in tried)]
+    alone = [fitted for fitted in known if fitted is not None and trail.pays(fitted, trail.start)]
+    return side_by_side(lambda fitted: with_both_effects(here, fitted, trail.start, trail.stop), alone)
+
+
+def _continued(short: Sequence[Fitted | None], least: int, stop: Stop) -> list[Fitted]:
+    """Return short fits, the likeliest first; at least ``least`` and those nearly as likely are continued."""
+    quick = sorted((trial for trial in short if trial is not None), key=lambda trial: trial.bic)
+
+    def continued(place: int) -> Fitted:
+        near = quick[place].bic < quick[0].bic + WORTH_FINISHING and place < REFITTED
+        return quick[place].refitted(evaluations=16, cancelled=stop) if near or place < least else quick[place]
+
+    return side_by_side(continued, range(len(quick)))
 
 
 def _refitted(at: Linearised, tried: Sequence[Score], stop: Stop) -> list[Fitted | None]:
@@ -348,6 +370,12 @@ def _refitted(at: Linearised, tried: Sequence[Score], stop: Stop) -> list[Fitted
     return out
 
 
+def _may_join(here: Fitted, trail: Trail) -> list[TrialEffect]:
+    """Return the effects of the catalogue that a fit neither has nor contains in a wider effect."""
+    there = {*here.effects, *contained_effects(here.effects)}
+    return [kind for kind in trail.catalogue if kind.effect not in there]
+
+
 def _ranked(at: Linearised, free: Sequence[TrialEffect], trail: Trail) -> list[list[Score]]:
     """Return the scores of every effect that has any, ranked by gain less the BIC's price of its parameters."""
     listed = at.screen(free, trail.stop, to_join=CRITERIA.least_fall)
@@ -361,10 +389,10 @@ def without(fitted: Fitted, effect: Effect, trail: Trail) -> Fitted | None:
     """
     left = frozenset(fitted.effects) - {effect}
     known = trail.of(left)
-    sure = not left or trail.asked.get(left, math.inf) < fitted.bic + _REPEAT_BIC
+    sure = not left or trail.removed_from_bic.get(left, math.inf) < fitted.bic + _REPEAT_BIC
     if known is not None and (sure or (known.converged and known.bic < fitted.bic + _REPEAT_BIC)):
         return known
-    trail.asked[left] = fitted.bic
+    trail.removed_from_bic[left] = fitted.bic
     trial = without_effect(fitted, effect, trail.stop)
     if trial is None:
         return known

@@ -58,7 +58,7 @@ def with_frame_response_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Tra
 
 def _anew(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Return the best fit, which was made on other data of the same shots, with a new trail on these data."""
-    anew = replace(trail, start=_at(trail.start, best.problem.data, trail.stop), fits={}, asked={})
+    anew = replace(trail, start=_at(trail.start, best.problem.data, trail.stop), fits={}, removed_from_bic={})
     anew.keep(best)
     return converge(prune(best, anew), anew), anew
 

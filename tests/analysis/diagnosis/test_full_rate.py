@@ -225,7 +225,7 @@ def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
     asked: list[Any] = []
     start = Some(effects=(), bic=100.0, problem="problem of start", z="z")
     old: Any = Trail(start, (), calm)  # type: ignore[arg-type]
-    old.asked[frozenset([effect_named("tilt")])] = 60.0
+    old.removed_from_bic[frozenset([effect_named("tilt")])] = 60.0
     best: Any = Some(effects=(effect_named("tilt"),), bic=50.0, problem=Some(data="fine data"))
     again = Some(effects=(), bic=90.0)
 
@@ -238,7 +238,12 @@ def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(full_rate, "converge", lambda fitted, trail: ("polished", fitted))
     found, trail = full_rate._anew(best, old)
     assert found == ("polished", ("pruned", best)) and asked == [trail] and trail is not old  # type: ignore[comparison-overlap]
-    assert trail.start is again and trail.of([effect_named("tilt")]) is best and not trail.asked and old.asked
+    assert (
+        trail.start is again
+        and trail.of([effect_named("tilt")]) is best
+        and not trail.removed_from_bic
+        and old.removed_from_bic
+    )
     assert old.fits == {frozenset(): start}
     monkeypatch.setattr(full_rate, "with_frame_relinearised", lambda fitted, stop: best if stop is calm else None)
     monkeypatch.setattr(full_rate, "_anew", lambda fitted, trail: (fitted, "anew", trail))

@@ -100,43 +100,68 @@ def minimise(
     Sepulchre, "Optimization Algorithms on Matrix Manifolds", ch. 4).  ``stop_early`` is called once, when the predicted
     fall is small; the search stops if it returns True.  ``function`` may raise Infeasible except at the start.
     """
-    low, high = bounds or (np.full(start.size, -np.inf), np.full(start.size, np.inf))
-    here = np.clip(start, low, high)
+    bounds = bounds or (np.full(start.size, -np.inf), np.full(start.size, np.inf))
+    here = np.clip(start, *bounds)
     square = function(here)
     damping = _Damping()
-    used, straight = 1, False
-    while used < evaluations and not (cancelled is not None and cancelled()):
-        free = free_to_move(here, square.gradient, low, high)
-        newton = _step(square, free, 0.0) if free.any() else np.zeros(start.size)
-        promised = -1.0 if newton is None else float(-newton @ square.gradient)
-        unit = max(1.0, square.chi2 / square.samples)
-        if newton is not None and 0 <= promised < tolerance * unit and _within(here + newton, low, high):
-            return Minimum(here, square, True, tuple(int(i) for i in np.flatnonzero(~free)))
-        if stop_early is not None and 0 <= promised < _LITTLE * unit:
+    straight = False
+    for _ in range(1, evaluations):
+        if cancelled is not None and cancelled():
+            break
+        free = free_to_move(here, square.gradient, *bounds)
+        newton = _Newton.at(square, free)
+        if newton.ends_search(here, bounds, tolerance):
+            return Minimum(here, square, True, tuple(np.flatnonzero(~free).tolist()))
+        if stop_early is not None and newton.promises_less_than(_LITTLE):
             if stop_early(here, square):
                 break
             stop_early = None
-        way = damping.way(square, here, free, (low, high))
+        way = damping.way(square, here, free, bounds)
         if way is None:
-            return Minimum(here, square, 0 <= promised < _ROUNDED * unit)
+            return Minimum(here, square, newton.promises_less_than(_ROUNDED))
         there, expected = way
         corrected = residual if expected > _STRAIGHT or damping.refused else None
-        trial = _trial(function, corrected, square, here, there, free, (low, high), straight)
-        fell = -np.inf if trial is None else square.chi2 - trial[1].chi2
-        straight = trial is not None and trial[0] is there and fell > (1 - _NEAR_ENOUGH) * expected
-        used += 1
-        if trial is not None and fell > 0:
-            here, square = trial
+        point, trial = _trial(function, corrected, square, here, there, free, bounds, straight)
+        fell = square.chi2 - trial.chi2
+        straight = point is there and fell > (1 - _NEAR_ENOUGH) * expected
+        if fell > 0:
+            here, square = point, trial
             damping.ease(fell / expected)
         elif expected < 1e-12 * square.chi2 + tolerance * 1e-2:  # rounding hides falls below 1e-12 of chi^2
-            ended = 0 <= promised < _ROUNDED * unit
-            if newton is not None and promised >= _ROUNDED * unit:
-                across = np.clip(here + _ACROSS * newton, low, high)
-                ended = _fall_along_edge(function, square, across, newton, free) < _ON_EDGE * unit
-            return Minimum(here, square, ended)
+            return Minimum(here, square, _ends_where_no_step_falls(function, square, here, newton, free, bounds))
         else:
             damping.refuse(_length(square, there - here))
     return Minimum(here, square, False)
+
+
+@dataclass(frozen=True, slots=True)
+class _Newton:
+    """The undamped step of the free parameters, its predicted fall of chi^2, and the variance that counts as one.
+
+    If the matrix is singular, the step is zero and the predicted fall is -1.
+    """
+
+    step: Floats
+    promised: float
+    unit: float
+
+    @classmethod
+    def at(cls, square: Square, free: np.ndarray) -> "_Newton":
+        """Return the step from the point of ``square``."""
+        unit = max(1.0, square.chi2 / square.samples)
+        nowhere = np.zeros(free.size)
+        step = _step(square, free, 0.0) if free.any() else nowhere
+        return cls(nowhere, -1.0, unit) if step is None else cls(step, float(-step @ square.gradient), unit)
+
+    def promises_less_than(self, fall: float) -> bool:
+        """Return whether the predicted fall of chi^2, in units of the variance, is below ``fall``; not if singular."""
+        return 0 <= self.promised < fall * self.unit
+
+    def ends_search(self, here: Floats, bounds: tuple[Floats, Floats], tolerance: float) -> bool:
+        """Return whether the predicted fall of chi^2 is below ``tolerance``, and the step crosses no bound."""
+        low, high = bounds
+        there = here + self.step
+        return self.promises_less_than(tolerance) and bool(np.all((there >= low) & (there <= high)))
 
 
 class _Damping:
@@ -180,10 +205,6 @@ class _Damping:
         self.value = max(10 * self.value, 1e-9)
 
 
-def _within(point: Floats, low: Floats, high: Floats) -> bool:
-    return bool(np.all((point >= low) & (point <= high)))
-
-
 def free_to_move(here: Floats, gradient: Floats, low: Floats, high: Floats) -> np.ndarray:
     """Return which parameters may move: all but fixed ones and those pressed against a bound by the gradient."""
     held = (low >= high) | ((here <= low) & (gradient > 0)) | ((here >= high) & (gradient < 0))
@@ -199,21 +220,32 @@ def _trial(
     free: np.ndarray,
     bounds: tuple[Floats, Floats],
     straight: bool,
-) -> tuple[Floats, Square] | None:
-    """Return the point ``there``, corrected if ``residual`` is given, and the square at it; None if infeasible.
+) -> tuple[Floats, Square]:
+    """Return the point ``there``, corrected if ``residual`` is given, and the square at it; ``here`` if infeasible.
 
-    Also None if chi^2 has not fallen after the corrections: the step will be refused, and its derivatives are not
+    Also ``here`` if chi^2 has not fallen after the corrections: the step will be refused, and its derivatives are not
     needed.  If the valley seems ``straight`` derivatives are computed first, since a correction is unlikely.
     """
     try:
         ahead = function(there) if straight or residual is None else None
-        back = None if residual is None else _corrected(residual, square, here, there, free, bounds, ahead)
+        known = None if ahead is None else ahead.residual
+        back = None if residual is None else _corrected(residual, square, here, there, free, bounds, known)
         if back is not None and back[1] >= square.chi2:
-            return None
+            return here, square
         point = there if back is None else back[0]
         return point, function(point) if ahead is None or point is not there else ahead
     except Infeasible:
-        return None
+        return here, square
+
+
+def _ends_where_no_step_falls(
+    function: Function, square: Square, here: Floats, newton: _Newton, free: np.ndarray, bounds: tuple[Floats, Floats]
+) -> bool:
+    """Return whether a search has converged where chi^2 falls along no step: to rounding, or on an edge."""
+    if newton.promised >= _ROUNDED * newton.unit:
+        across = np.clip(here + _ACROSS * newton.step, *bounds)
+        return _fall_along_edge(function, square, across, newton.step, free) < _ON_EDGE * newton.unit
+    return newton.promises_less_than(_ROUNDED)
 
 
 def _fall_along_edge(function: Function, square: Square, across: Floats, newton: Floats, free: np.ndarray) -> float:
@@ -241,13 +273,13 @@ def _corrected(
     there: Floats,
     free: np.ndarray,
     bounds: tuple[Floats, Floats],
-    ahead: Square | None = None,
+    known: Floats | None = None,
 ) -> tuple[Floats, float] | None:
     """Return ``there``, corrected until its residual is the linear prediction from ``here``, and chi^2 at it.
 
     The corrections use the derivatives at ``here``, which remain valid in steep directions.  Flat directions, in which
-    the step is long, are not corrected.  ``ahead`` is the square at ``there``, if known.  None if ``square`` has no
-    residual or the first corrected point is infeasible.
+    the step is long, are not corrected.  ``known`` is the residual at ``there``, if known.  None if ``square`` has no
+    residual or that at ``there`` is infeasible.
     """
     if square.residual is None or square.along is None or square.pull is None:
         return None
@@ -256,11 +288,11 @@ def _corrected(
     best, chi2 = None, np.inf
     for _ in range(_CORRECTIONS):
         try:
-            now = residual(there) if ahead is None or ahead.residual is None else ahead.residual
+            now = residual(there) if known is None else known
         except Infeasible:
             break
-        ahead, value = None, float(now @ now)
-        if best is not None and value > 0.9 * chi2 and value > square.chi2:
+        known, value = None, float(now @ now)
+        if value > 0.9 * chi2 and value > square.chi2:
             break
         if value < chi2:
             best, chi2 = there, value

@@ -79,33 +79,36 @@ class BestFirst:
         return self._answer
 
     def _next_step(self) -> Callable[[], None]:
-        """Choose the next step; only this method and ``_next_in_likelier_building`` decide the order of steps."""
-        building, rest = self._in_building, self._at_rest
-        if self._question.site is not None and building is None:
-            return self._search_in_building
-        if building is not None and rest is None:
-            if not building.searched.leaves_something and building.named is None:
-                return partial(self._name, building)
-            named = building.named
-            if named is not None and named.explained and not self._may_be_likelier_at_rest(building):
-                return partial(self._end_with, named)
-            if self._question.limit():
-                return partial(self._complete, building)
-            lacking = building.searched.leaves_something if named is None else not named.explained
-            if lacking and not building.law_was_tried:
-                return partial(self._try_one_law_instead, building, building)
-            if building.named is None and building.searched.rounds:
-                return partial(self._search_on, building)
-        if rest is None:
-            return self._search_at_rest
-        likelier = rest if building is None or rest.is_likelier_than(building) else building
-        if (likelier.searched.leaves_something or self._law_hides_in_building) and not rest.law_was_tried:
-            return partial(self._try_one_law_instead, rest, likelier)
-        if building is None or likelier is rest:
-            return partial(self._complete, rest)
-        return self._next_in_likelier_building(building, rest)
+        """Choose the next step; only this method and the two below decide the order of steps."""
+        building, at_rest = self._in_building, self._at_rest
+        if at_rest is None:
+            if building is not None:
+                return self._next_in_building(building)
+            return self._search_at_rest if self._question.site is None else self._search_in_building
+        likelier = at_rest if building is None or at_rest.is_likelier_than(building) else building
+        if (likelier.searched.leaves_something or self._law_hides_in_building) and not at_rest.law_was_tried:
+            return partial(self._try_one_law_instead, at_rest, likelier)
+        if building is None or likelier is at_rest:
+            return partial(self._complete, at_rest)
+        return self._next_in_likelier_building(building, at_rest)
 
-    def _next_in_likelier_building(self, building: Branch, rest: Branch) -> Callable[[], None]:
+    def _next_in_building(self, building: Branch) -> Callable[[], None]:
+        """Choose the next step when only the branch with frame motion is searched."""
+        named, leaves_something = building.named, building.searched.leaves_something
+        if named is None and not leaves_something:
+            return partial(self._name, building)
+        if named is not None and named.explained and not self._may_be_likelier_at_rest(building):
+            return partial(self._end_with, named)
+        if self._question.limit():
+            return partial(self._complete, building)
+        lacking = leaves_something if named is None else not named.explained
+        if lacking and not building.law_was_tried:
+            return partial(self._try_one_law_instead, building, building)
+        if named is None and building.searched.rounds:
+            return partial(self._search_on, building)
+        return self._search_at_rest
+
+    def _next_in_likelier_building(self, building: Branch, at_rest: Branch) -> Callable[[], None]:
         """Choose the next step when both branches are searched and the one with frame motion is the likelier."""
         if building.named is None:
             return partial(self._name, building)
@@ -113,10 +116,10 @@ class BestFirst:
             return partial(self._end_with, building.named)
         if self._question.limit():
             return partial(self._complete, building)
-        if rest.complete is None:
-            return partial(self._complete_where_it_may_win, rest, building.named.bic)
-        if rest.complete.explained and rest.complete.bic < building.named.bic:
-            return partial(self._end_with, rest.complete)
+        if at_rest.complete is None:
+            return partial(self._complete_where_it_may_win, at_rest, building.named.bic)
+        if at_rest.complete.explained and at_rest.complete.bic < building.named.bic:
+            return partial(self._end_with, at_rest.complete)
         return partial(self._complete, building)
 
     def _search_in_building(self) -> None:
@@ -174,7 +177,7 @@ class BestFirst:
     def _name(self, branch: Branch) -> None:
         """Name the effects that pass their gates; interferometer ripple is tested at the record's own sample rate."""
         question = self._question
-        best, trail, rest = branch.searched.best, branch.searched.trail, branch.searched.residual
+        best, trail, residual = branch.searched.best, branch.searched.trail, branch.searched.residual
         finely = at_full_rate(best, trail, question.motions)
         if finely is not None:
             best, trail = finely
@@ -182,7 +185,7 @@ class BestFirst:
         held_out = question.held_out(trail.start.problem.data, in_turn=best is not trail.start)
         # where the best fit leaves a residual, a thorough search of a support's frequency is not worth its time
         best, given = at_likeliest_scale(best, trail, thoroughly=not branch.searched.leaves_something), best
-        judged = rest if finely is None and best is given else None
+        judged = residual if finely is None and best is given else None
         settled = settle(best, trail, held_out, question.progress, question.limit, judged)
         branch.named = explain_with_effects(question, trail, settled, held_out)
 

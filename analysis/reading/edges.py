@@ -15,14 +15,16 @@ Mask = NDArray[np.bool_]
 
 CLEAR_SIGMAS = 6.0  # departure from flight that is significant
 SHAPED_SIGMAS = 200.0  # departure up to which it is fitted; its shape is then known to a per cent
-SHAPED_DEPTH = 3e-5  # upper limit of that departure at a touch, over the depth: before a stiff contact rebounds
+# largest fitted departure at a touch, as a share of the depth; beyond it a stiff contact may already rebound
+SHAPED_DEPTH = 3e-5
 FURTHER = 10.0  # factor on that departure up to which a force with a quadratic term is fitted, for better precision
 DESCRIBED = 3.0  # standard deviations of chi^2 up to which that force describes the departure
 DEEP = 3e-3  # departure, over the depth, that no floor motion reaches
-SHORTENED, SLOWER = 0.7, 1.1  # limits of the time to that departure, over that of a massless plate
+# time to that departure over a massless plate's: shortest possible; above which something else came first
+SHORTENED, SLOWER = 0.7, 1.1
 LONGEST_REACH_S = 1.0e-3  # flight before the edge to which the line is fitted from which the displacement departs
 SLOW_RECORD_SAMPLES = 64  # the same in samples, for a record at a few hundred Hz
-BEND = 2  # degree of the line through the last millisecond of flight if the floor's motion curves it
+CURVED_DEGREE = 2  # degree of the line through the last millisecond of flight if the floor's motion curves it
 PLAINER = 1.1  # log of three: log prior odds of the model with one parameter fewer
 PLAIN = 9.0  # gain in chi^2 required of a curved line
 TRIALS = 64  # trial instants, on a coarse grid and again on a fine one
@@ -70,10 +72,10 @@ def edge_of_flight(
     if straight.sum() < 8:
         return None
     x = motion.displacement_m[window]
-    bend = _bend_of(u[straight], x[straight] - x[0])
-    departure = x - x[0] - np.polyval(np.polyfit(u[straight], x[straight] - x[0], bend), u)
+    line_degree = _line_degree(u[straight], x[straight] - x[0])
+    departure = x - x[0] - np.polyval(np.polyfit(u[straight], x[straight] - x[0], line_degree), u)
     rest = departure[straight]
-    std = float(np.sqrt(rest @ rest / (rest.size - bend - 1)))
+    std = float(np.sqrt(rest @ rest / (rest.size - line_degree - 1)))
     std = max(std, float(np.nanmedian(motion.displacement_std_m)), MIN_NOISE_M)
     omega = abs(float(np.polyfit(u[straight], x[straight] - x[0], 1)[0])) / max(depth_m, 1e-12)  # of a half-sine
     most = SHAPED_SIGMAS * std
@@ -81,8 +83,9 @@ def edge_of_flight(
         most = max(2.0 * CLEAR_SIGMAS * std, min(most, SHAPED_DEPTH * depth_m))
     found = None
     if into:
-        found = _edge_with_error(motion, window, departure, (std, FURTHER * most, omega), sign, bend, bending=True)
-    found = found or _edge_with_error(motion, window, departure, (std, most, omega), sign, bend)
+        further = (std, FURTHER * most, omega)
+        found = _edge_with_error(motion, window, departure, further, sign, line_degree, quadratic_force=True)
+    found = found or _edge_with_error(motion, window, departure, (std, most, omega), sign, line_degree)
     if found is None:
         return None
     edge, apart = found
@@ -111,10 +114,10 @@ _FEWEST = 8  # fewest samples of a short flight
 _FORCE_NUMBERS = 8  # parameters fitted jointly with its line: two edges, a force of three terms on either side
 
 
-def _bend_of(u_s: Floats, x_m: Floats) -> int:
-    """Return the degree of the line through a stretch of flight: BEND if floor motion clearly curves it, else 1."""
-    straight, bent = (float(np.sum((x_m - np.polyval(np.polyfit(u_s, x_m, k), u_s)) ** 2)) for k in (1, BEND))
-    return BEND if straight - bent > PLAIN * bent / (u_s.size - BEND - 1) else 1
+def _line_degree(u_s: Floats, x_m: Floats) -> int:
+    """Return the degree of the line through a stretch of flight: 2 if floor motion clearly curves it, else 1."""
+    straight, bent = (float(np.sum((x_m - np.polyval(np.polyfit(u_s, x_m, k), u_s)) ** 2)) for k in (1, CURVED_DEGREE))
+    return CURVED_DEGREE if straight - bent > PLAIN * bent / (u_s.size - CURVED_DEGREE - 1) else 1
 
 
 def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int) -> Edge | None:
@@ -131,7 +134,7 @@ def edge_of_line(motion: Motion, line: Flight, *, until: int, bend: int) -> Edge
     std = max(line.noise_std_m, MIN_NOISE_M)
     most = SHAPED_SIGMAS * std
     further = FURTHER * most if sign > 0 else most  # before a release the force passes its peak within that range
-    found = _edge_with_error(motion, window, departure, (std, further, 0.0), sign, bend, bending=True)
+    found = _edge_with_error(motion, window, departure, (std, further, 0.0), sign, bend, quadratic_force=True)
     found = found or _edge_with_error(motion, window, departure, (std, most, 0.0), sign, bend)
     return None if found is None else found[0].with_added_uncertainty(found[1])
 
@@ -142,21 +145,22 @@ def _edge_with_error(
     departure_m: Floats,
     levels: tuple[float, float, float],
     sign: int,
-    bend: int,
+    line_degree: int,
     *,
-    bending: bool = False,
+    quadratic_force: bool = False,
 ) -> tuple[Edge, float] | None:
-    """Return ``_edge_in`` and, in s, the systematic error of the force series and of the line; 0 for a known line.
+    """Return the edge and, in s, its systematic error from the assumed shapes of force and flight.
 
-    The error is the edge's shift by one more degree of the line or, without a third term, by a shorter departure.
+    The error is the edge's shift by one more degree of the line or, without a quadratic term, by a shorter departure;
+    0 for a known line.  The arguments are those of ``_edge_in``.
     """
-    edge = _edge_in(motion, window, departure_m, levels, sign, bend, bending=bending)
-    if edge is None or bend == 0:
+    edge = _edge_in(motion, window, departure_m, levels, sign, line_degree, quadratic_force=quadratic_force)
+    if edge is None or line_degree == 0:
         return None if edge is None else (edge, 0.0)
     std_m, shaped_m, omega = levels
-    others = [_edge_in(motion, window, departure_m, levels, sign, bend + 1, bending=bending)]
-    if not bending:
-        others.append(_edge_in(motion, window, departure_m, (std_m, shaped_m / 3.0, omega), sign, bend))
+    others = [_edge_in(motion, window, departure_m, levels, sign, line_degree + 1, quadratic_force=quadratic_force)]
+    if not quadratic_force:
+        others.append(_edge_in(motion, window, departure_m, (std_m, shaped_m / 3.0, omega), sign, line_degree))
     return edge, max((abs(edge.time_s - other.time_s) for other in others if other is not None), default=0.0)
 
 
@@ -166,14 +170,14 @@ def _edge_in(
     departure_m: Floats,
     levels: tuple[float, float, float],
     sign: int,
-    bend: int,
+    line_degree: int,
     *,
-    bending: bool = False,
+    quadratic_force: bool = False,
 ) -> Edge | None:
     """Return the edge shown by a departure (n,) from flight, in the direction ``sign`` of time.
 
     ``levels`` are the noise and the largest fitted departure, in m, and the angular frequency of the contact's spring.
-    ``bend`` is the degree of the line fitted jointly with the edge, 0 for a known line.  A ``bending`` force has a
+    ``line_degree`` is that of the line fitted jointly with the edge, 0 for a known line.  A ``quadratic_force`` has a
     third term, which reduces the force at a touch and increases it into the contact at a release, as tension fades.
     None if this force does not describe the departure.
     """
@@ -186,9 +190,10 @@ def _edge_in(
     shaped = min(max(shaped, clear + 6), departure_m.size - 1)
     # a cubic departure began this long before it became significant
     growth = np.cbrt(max(abs(float(departure_m[shaped])), shaped_m) / (CLEAR_SIGMAS * std_m))
-    reach = 1.5 * (shaped - clear) * max(1.0, 1.0 / max(growth - 1.0, 0.1)) + 3 if bend else 1.5 * (shaped - clear) + 3
-    start = max(0, int(clear - 2.0 * reach - 24)) if bend == 0 else 0
-    latest = max(0.5, shaped - clear - 4.0) if bend else 0.5  # the significant departure may be floor motion
+    earlier = max(1.0, 1.0 / max(growth - 1.0, 0.1)) if line_degree else 1.0
+    reach = 1.5 * (shaped - clear) * earlier + 3
+    start = max(0, int(clear - 2.0 * reach - 24)) if line_degree == 0 else 0
+    latest = max(0.5, shaped - clear - 4.0) if line_degree else 0.5  # the significant departure may be floor motion
     anchor = float(motion.time_s[window[clear]])
     beyond = sign * (motion.time_s[window[start : shaped + 1]] - anchor)
     found = _least_squares_edge(
@@ -196,7 +201,7 @@ def _edge_in(
         departure_m[start : shaped + 1],
         std_m,
         (-reach * step, latest * step),
-        (max(bend, 1), omega, -sign * bending),
+        (max(line_degree, 1), omega, -sign * quadratic_force),
         tension=sign < 0,
     )
     return None if found is None else Edge(anchor + sign * found.time_s, found.std_s)
@@ -211,29 +216,35 @@ def _least_squares_edge(
     *,
     tension: bool,
 ) -> Edge | None:
-    bend, omega, bends = shape
-    terms = 2 + abs(bends)
-    if u_s.size < bend + 2 + terms or not np.any(u_s):
+    """Return the likeliest edge ``within_s`` (first, last), with its departure (n,) at the times ``u_s`` (n,).
+
+    ``shape`` is the degree of the line fitted jointly, the angular frequency of the contact's spring, and the sign of
+    the quadratic force term (0: none).  With ``tension`` the step of force may be negative.  None if the samples are
+    too few, the likeliest instant is the first one, or the quadratic force does not describe the departure.
+    """
+    line_degree, omega, quadratic = shape
+    terms = 2 + abs(quadratic)
+    if u_s.size < line_degree + 2 + terms or not np.any(u_s):
         return None
     trials = np.linspace(*within_s, TRIALS)
     # building vibration curves the flight relative to the known line, so the line before the edge is fitted as well
-    line, _ = np.linalg.qr(np.vander(u_s / np.abs(u_s).max(), bend + 1))
+    line, _ = np.linalg.qr(np.vander(u_s / np.abs(u_s).max(), line_degree + 1))
     scaled = departure_m / std_m
     scaled = scaled - line @ (line.T @ scaled)
     found: Edge | None = None
     for narrowing in range(2):
-        flat = _force_terms(u_s[:, None] - trials, omega, bends).reshape(u_s.size, -1)
+        flat = _force_terms(u_s[:, None] - trials, omega, quadratic).reshape(u_s.size, -1)
         flat -= line @ (line.T @ flat)
         costs = np.empty((trials.size, 2))
         _costs_of_one(_grams_of_each(flat, terms), flat.T @ scaled, float(scaled @ scaled), tension, costs)
-        freedom = max(u_s.size - bend - 2 - terms, 1)
+        freedom = max(u_s.size - line_degree - 2 - terms, 1)
         least = max(1.0, float(costs.min()) / freedom)
-        cost = _of_both(costs[:, 0], costs[:, 1], least, PLAINER)  # with a step of force and without
+        cost = _average_of_models(costs[:, 0], costs[:, 1], least, PLAINER)  # with a step of force and without
         best = int(cost.argmin())
         if best == 0 and narrowing == 0:
             return None
         beyond = int(np.count_nonzero(u_s > trials[best]))
-        if bends and costs.min() > freedom + DESCRIBED * np.sqrt(2.0 * beyond):
+        if quadratic and costs.min() > freedom + DESCRIBED * np.sqrt(2.0 * beyond):
             return None
         spread = float(np.sqrt(least))  # larger where the series does not describe the departure
         likely = np.flatnonzero(cost < cost[best] + LIKELY * spread**2)
@@ -272,14 +283,15 @@ def edges_of_short_flight(
     ranges = [np.linspace(*release, FLIGHT_TRIALS) - zero, np.linspace(*onset, FLIGHT_TRIALS) - zero]
     edges: list[Edge] = []
     for narrowing in range(2):
-        terms = [_force_terms(ranges[0] - tau[:, None], bends=1), _force_terms(tau[:, None] - ranges[1], bends=-1)]
+        before, after = ranges[0] - tau[:, None], tau[:, None] - ranges[1]
+        terms = [_force_terms(before, quadratic=1), _force_terms(after, quadratic=-1)]
         flat = np.concatenate([side.reshape(tau.size, -1) for side in terms], axis=1)
         flat -= line @ (line.T @ flat)
         costs = np.empty((2, FLIGHT_TRIALS, FLIGHT_TRIALS))
         for without, each in enumerate(costs):
             _costs_of_two(flat.T @ flat, flat.T @ scaled, float(scaled @ scaled), 3 - without, each)
         least = max(1.0, float(costs.min()) / max(tau.size - fitted, 1))
-        cost = _of_both(costs[0], costs[1], least, 2.0 * PLAINER)
+        cost = _average_of_models(costs[0], costs[1], least, 2.0 * PLAINER)
         cost[ranges[1][None, :] <= ranges[0][:, None]] = np.inf
         i, j = (int(k) for k in np.unravel_index(int(cost.argmin()), cost.shape))
         if narrowing == 0 and (i == 0 or j == FLIGHT_TRIALS - 1):
@@ -292,7 +304,7 @@ def edges_of_short_flight(
     return Edge(first.time_s + zero, first.std_s), Edge(second.time_s + zero, second.std_s)
 
 
-def _of_both(full: Floats, plain: Floats, least: float, plainer: float) -> Floats:
+def _average_of_models(full: Floats, plain: Floats, least: float, plainer: float) -> Floats:
     """Return -2 ln L of two models averaged; the one with fewer parameters has log prior odds ``plainer``.
 
     ``full`` and ``plain`` are their sums of squared residuals at every trial; ``least`` is the variance in their unit.
@@ -300,19 +312,19 @@ def _of_both(full: Floats, plain: Floats, least: float, plainer: float) -> Float
     return np.asarray(-2.0 * least * np.logaddexp(-0.5 * full / least, plainer - 0.5 * plain / least))
 
 
-def _force_terms(u_s: Floats, omega: float = 0.0, bends: int = 0) -> Floats:
+def _force_terms(u_s: Floats, omega: float = 0.0, quadratic: int = 0) -> Floats:
     """Return the departures by a step and by a slope of force at u = 0, scaled to about 1: (n, k) gives (n, k, 2 or 3).
 
-    If ``bends`` is 1 or -1, the third is that of a force growing or falling quadratically in time.  With ``omega`` the
-    first two are those of a spring: 2 (1 - cos) and 6 (x - sin x), to fourth order.
+    If ``quadratic`` is 1 or -1, the third is that of a force growing or falling quadratically in time.  With ``omega``
+    the first two are those of a spring: 2 (1 - cos) and 6 (x - sin x), to fourth order.
     """
     since = np.maximum(u_s, 0.0)
     u = since / np.maximum(since.max(axis=0), 1e-300)
-    out = np.empty((*u.shape, 2 + abs(bends)))
+    out = np.empty((*u.shape, 2 + abs(quadratic)))
     out[..., 0] = u * u
     out[..., 1] = out[..., 0] * u
-    if bends:
-        out[..., 2] = bends * out[..., 1] * u
+    if quadratic:
+        out[..., 2] = quadratic * out[..., 1] * u
     if omega:
         square = (omega * since) ** 2
         out[..., 0] *= 1.0 - square / 12.0 + square**2 / 360.0

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 from analysis.reading import edges
 from analysis.reading.edges import (
     Edge,
-    _bend_of,
+    _average_of_models,
     _costs_of_one,
     _costs_of_two,
     _explained,
@@ -20,7 +20,7 @@ from analysis.reading.edges import (
     _grams_of_each,
     _later,
     _likelihood_mean,
-    _of_both,
+    _line_degree,
     edge_of_flight,
     edge_of_line,
     edges_of_short_flight,
@@ -89,7 +89,9 @@ def test_the_costs_of_two_edges_are_those_of_every_pair_the_releases_step_free(t
 def test_two_models_together_are_as_likely_as_the_sum_of_both_by_their_odds() -> None:
     full, plain, least = np.array([3.0, 900.0, 4.0]), np.array([5.0, 4.0, 900.0]), 2.5
     sum_of_both = np.exp(-0.5 * full / least) + 3.0 * np.exp(-0.5 * plain / least)
-    assert np.exp(-0.5 * _of_both(full, plain, least, np.log(3.0)) / least) == pytest.approx(sum_of_both, rel=1e-9)
+    assert np.exp(-0.5 * _average_of_models(full, plain, least, np.log(3.0)) / least) == pytest.approx(
+        sum_of_both, rel=1e-9
+    )
 
 
 def test_terms_of_a_spring_are_those_of_cosine_and_sine_from_the_edge_on() -> None:
@@ -127,7 +129,7 @@ def test_a_flight_is_curved_where_chi2_gains_nine_by_it(gain: float, degree: int
     rest = np.random.default_rng(1).standard_normal(40)
     rest -= basis @ (basis.T @ rest)
     curve = basis[:, 2] * np.sqrt(gain * (rest @ rest) / 37)
-    assert _bend_of(u, 1e-9 * (rest + curve) - 0.2 * u) == degree
+    assert _line_degree(u, 1e-9 * (rest + curve) - 0.2 * u) == degree
 
 
 @pytest.mark.parametrize(("took", "later"), [(1.0, False), (1.09, False), (1.11, True), (3.0, True)])
@@ -266,24 +268,24 @@ def test_a_line_of_one_degree_more_and_a_shorter_departure_tell_the_systematic_e
     times = {(2, 200.0): 1.0, (3, 200.0): 1.02, (2, 200.0 / 3.0): 0.95, (0, 200.0): 1.0}
 
     def edge_in(
-        motion: Any, window: Any, departure: Any, levels: Any, sign: int, bend: int, *, bending: bool = False
+        motion: Any, window: Any, departure: Any, levels: Any, sign: int, bend: int, *, quadratic_force: bool = False
     ) -> Any:
-        seen.append((bend, levels[1], bending))
+        seen.append((bend, levels[1], quadratic_force))
         return Edge(times[bend, levels[1]], 1e-3)
 
     monkeypatch.setattr(edges, "_edge_in", edge_in)
     anything: Any = None
     levels = 1.0, 200.0, 0.0
-    for bend, bending, apart, tried in (
+    for bend, quadratic_force, apart, tried in (
         (2, False, 0.05, [(2, 200.0), (3, 200.0), (2, 200.0 / 3.0)]),
         (2, True, 0.02, [(2, 200.0), (3, 200.0)]),
         (0, False, 0.0, [(0, 200.0)]),
     ):
         seen.clear()
-        found = edges._edge_with_error(anything, anything, anything, levels, 1, bend, bending=bending)
+        found = edges._edge_with_error(anything, anything, anything, levels, 1, bend, quadratic_force=quadratic_force)
         assert found is not None and found[0] == Edge(1.0, 1e-3)
         assert found[1] == pytest.approx(apart)
-        assert seen == [(*one, bending) for one in tried]
+        assert seen == [(*one, quadratic_force) for one in tried]
     monkeypatch.setattr(edges, "_edge_in", lambda *of, **how: None)
     assert edges._edge_with_error(anything, anything, anything, levels, 1, 2) is None
 
@@ -292,7 +294,7 @@ def test_a_line_of_one_degree_more_and_a_shorter_departure_tell_the_systematic_e
 def test_an_edge_is_fitted_over_a_millisecond_of_flight_to_so_deep_a_departure(
     sign: int, depth_m: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A bending force is tried first at a touch, to a departure ten times as deep."""
+    """A quadratic force is tried first at a touch, to a departure ten times as deep."""
     tried: list[Any] = []
     monkeypatch.setattr(edges, "_edge_with_error", lambda motion, *of, **how: tried.append((of, how)) or None)
     motion = departing(0.01, sign * 2.0, 2500.0, sign=sign, seed=1, noise_m=1e-12)
@@ -302,13 +304,13 @@ def test_an_edge_is_fitted_over_a_millisecond_of_flight_to_so_deep_a_departure(
     most = max(12 * std, min(200 * std, 3e-5 * depth_m)) if sign > 0 else 200 * std
     levels = [(10.0 * most, True), (most, False)] if sign > 0 else [(most, False)]
     assert len(tried) == len(levels)
-    for ((window, departure, (noise, deep, omega), way, bend), how), (level, bending) in zip(
+    for ((window, departure, (noise, deep, omega), way, bend), how), (level, quadratic_force) in zip(
         tried, levels, strict=True
     ):
         assert window.tolist() == list(range(1000 - sign * 120, 1000 + sign * 301, sign))
         assert np.abs(departure[:100]).max() < 1e-11 and abs(departure[-1]) > 1e-8
         assert (noise, deep, way, bend) == (std, pytest.approx(level), sign, 1)
-        assert omega == pytest.approx(0.2 / depth_m, rel=1e-3) and how.get("bending", False) is bending
+        assert omega == pytest.approx(0.2 / depth_m, rel=1e-3) and how.get("quadratic_force", False) is quadratic_force
 
 
 def test_what_is_late_apart_and_random_adds_in_an_edge(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,7 +67,7 @@ class BestFirst:
         """Return the likeliest explanation.
 
         Raises Cancelled when asked to stop, AnalysisError where nothing seems to be missing but time ran out before
-        the effects of the catalogue were compared: noise learnt without them may have absorbed one.
+        the effects of the catalogue were compared: noise learned without them may have absorbed one.
         """
         while self._answer is None:
             self._next_step()()

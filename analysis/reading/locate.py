@@ -25,7 +25,7 @@ FORCE_FRACTION = 0.03  # force over the peak that is significant
 FORCE_SIGMAS = 6.0  # force over its noise that is significant
 FADED = 0.15  # force over the peak down to which it is followed, unless it reaches its noise before
 FADED_MOST = 0.3  # upper limit of that level, however large the noise
-FADES_ELSE = 0.05  # relative uncertainty of the extrapolation from there by a half-sine
+EXTRAPOLATION_STD = 0.05  # relative, of the extrapolation from there by a half-sine
 SMOOTHED_ERROR = 0.01  # error of the end of a smoothed force, in smoothing widths
 HALF_SINE_ENDS = 0.2  # deviation from a half-sine's end, in smoothing widths, above which another force acts
 FREE_SHARE = 0.1  # fraction of the contact for which the force must stay small before the block counts as free
@@ -183,7 +183,7 @@ def _extrapolated_release(force: Floats, lost: float, width: int) -> tuple[float
         half = at / _faded_to(share, 0.5 * width / half)
     if abs(force.size - half * _faded_to(lost, 0.5 * width / half)) > 1.0 + apart:
         return force.size - apart, apart
-    return half, float(np.linalg.norm((FADES_ELSE * (half - at), SMOOTHED_ERROR * width, 0.5)))
+    return half, float(np.linalg.norm((EXTRAPOLATION_STD * (half - at), SMOOTHED_ERROR * width, 0.5)))
 
 
 def _faded_to(share: float, smoothed: float) -> float:

@@ -145,10 +145,10 @@ class PhaseDecimator:
         self._kept = 0
 
     def feed(self, phase: Floats, power: Singles) -> tuple[int, Floats, Floats]:
-        """Decimate phases in cycles, with powers, shape (m,); return (index of the first output, phase, description).
+        """Decimate phases in cycles, with powers, shape (m,); return (first output's index, phase, power and noise).
 
-        ``phase`` has shape (k,).  ``description`` has shape (2, k): mean power, and the noise variance in cycles^2 of a
-        mean of ``factor // 4`` phases.
+        The phase has shape (k,); power and noise, shape (2, k), are the mean power, and the noise variance in cycles^2
+        of a mean of ``factor // 4`` phases.
         """
         if self._skip:
             dropped = min(self._skip, phase.size)

@@ -33,7 +33,7 @@ class Learned:
 
     ``z`` is the search vector of base and starts; ``residual_m`` is averaged, per shot; ``curvature`` is that of all
     parameters (z, then coefficients) in units of the noise without smoothing; ``penalty`` is the smoothing added;
-    ``freedom`` is the effective number of coefficients; ``log_likelihood`` is that under the noise learnt.
+    ``freedom`` is the effective number of coefficients; ``log_likelihood`` is that under the noise learned.
     """
 
     problem: Problem
@@ -162,7 +162,7 @@ def fit_terms(
     """Fit base, starts and curves by penalised Gauss-Newton steps.
 
     The noise starts as the problem's and is re-estimated at every step.  On a moving frame it is that of the flights
-    until the end, since strengths learnt on the way would absorb what the curves do not explain yet.  Unless
+    until the end, since strengths learned on the way would absorb what the curves do not explain yet.  Unless
     ``to_the_end``, derivatives are not recomputed at the final point: the curvature may be that of a few steps before.
     """
     if problem.data.site is not None:

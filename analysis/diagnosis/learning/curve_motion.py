@@ -92,7 +92,7 @@ class FitWithMotions:
 def fit_with_motions(fitted: Fitted) -> FitWithMotions:
     """Return a fit, with its motions and paths, as the ground to which laws are added.
 
-    On a moving frame the fit is repeated under the noise of the flights: strengths learnt from the residual have
+    On a moving frame the fit is repeated under the noise of the flights: strengths learned from the residual have
     absorbed much of the missing law, and base and starts have drifted far from their values given the law.
     """
     if fitted.problem.data.site is not None:

@@ -94,7 +94,7 @@ def alternative_without_misfit(
 def _nearest(effect: Effect, distances: Separation, catalogue: Sequence[TrialEffect]) -> list[TrialEffect]:
     """Return the nearest look-alikes of an effect, nearest first, then free oscillations that act at the same place.
 
-    A simpler look-alike is tried at any separation: noise learnt jointly with the effect may separate them.  A long
+    A simpler look-alike is tried at any separation: noise learned jointly with the effect may separate them.  A long
     oscillation is a line so narrow that, to first order, it differs even from one whose frequency is 1 % higher.
     """
     close = [other for other, distance in distances.from_other.items() if distance < _ALIKE * distances.snr]
@@ -183,7 +183,7 @@ def fitted_instead(
     if trial is None or trial.bic > best.bic + _HOPELESS:
         return trial
     # With frame motion a fit keeps the shape of the wandering noise.  Start with that of the best fit, since the
-    # shape learnt without the effect has absorbed what the effect explains.
+    # shape learned without the effect has absorbed what the effect explains.
     problem = trial.problem.with_noise(best.noise) if best.noise.site else trial.problem
     return problem.fit(trial.z, evaluations=16, cancelled=stop)
 

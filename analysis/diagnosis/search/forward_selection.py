@@ -35,7 +35,7 @@ UNLEARNED_NOISE_CANDIDATES = 3  # further ones: the best scores under noise that
 RESTARTS = 2  # other first effects from which the search restarts if a residual remains
 RESTARTS_IN_WANDERING_NOISE = 4  # the same if the noise wanders: it absorbs most of what either of two effects explains
 RESTART_CANDIDATES = 3  # fitted per step of a restart: once the first effect is right, the right next one scores best
-EXPLAINED = 1.1  # chi^2 per sample under noise that was not learnt: clean sets 0.91 to 1.05, a wrong minimum 22
+EXPLAINED = 1.1  # chi^2 per sample under noise that was not learned: clean sets 0.91 to 1.05, a wrong minimum 22
 CLOSE = 500.0  # BIC between two fits; with more, one of them may be in a wrong minimum
 _REPEAT_BIC = 30.0  # a fit without an effect is repeated if it is worse, and the full fit has gained, by this much BIC
 
@@ -197,7 +197,7 @@ def nearly_as_likely(first: Fitted, trail: Trail) -> list[Fitted]:
 def _polished_first(best: Fitted, trail: Trail) -> Fitted:
     """Return the fit of the likeliest first effect, after bringing each contender to its minimum.
 
-    Noise learnt in a wrong minimum absorbs less of an effect that has more parameters: a fast viscoelastic arm seems
+    Noise learned in a wrong minimum absorbs less of an effect that has more parameters: a fast viscoelastic arm seems
     far likelier than the plate damping that it imitates.  A simpler look-alike may thus be further behind than others.
     """
     (effect,) = trail.added(best)
@@ -261,9 +261,9 @@ def better(fitted: Fitted, other: Fitted) -> bool:
 def converge(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitted:
     """Continue a fit to its minimum: the residual of a short search could pass for one more effect.
 
-    ``from_white``: also restart from white noise, since noise learnt in a wrong minimum may keep the search there; on a
-    moving frame the noise of the flights may do so too.  That happens where the first effect explains what the start
-    had left to the noise, hardly ever later, and never where noise that was not learnt explains the residual.
+    ``from_white``: also restart from white noise, since noise learned in a wrong minimum may keep it there; on a moving
+    frame the noise of the flights may do so too.  That happens where the first effect explains what the start
+    had left to the noise, hardly ever later, and never where noise that was not learned explains the residual.
     """
     better = fitted.refitted(evaluations=60, anew=True, cancelled=trail.stop)
     if from_white and better.bic < trail.start.bic - CLOSE and _may_hide_something(better):
@@ -277,7 +277,7 @@ def converge(fitted: Fitted, trail: Trail, *, from_white: bool = False) -> Fitte
 
 
 def _may_hide_something(fitted: Fitted) -> bool:
-    """Return whether the learnt noise has absorbed a residual that noise that was not learnt does not explain."""
+    """Return whether the learned noise has absorbed a residual that noise that was not learned does not explain."""
     return fitted.noise.coloured and fitted.chi2(fitted.unlearned_noise) > EXPLAINED * fitted.samples
 
 

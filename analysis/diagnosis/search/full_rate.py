@@ -86,7 +86,7 @@ def _promises(ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail:
 
 
 def _beside(best: Fitted, data: JointData) -> Linearised:
-    """Linearise a fit on other data of the same shots, with the noise learnt from its residual there."""
+    """Linearise a fit on other data of the same shots, with the noise learned from its residual there."""
     problem = replace(best.problem, data=data)
     start = best.noise if data.site is not None else best.noise.without_site
     noise, _ = problem.learn_noise(problem.residual_m(best.z), start)

@@ -134,7 +134,7 @@ class Search:
     def likelier_without_frame_motion(self, best: Fitted) -> bool:
         """Return whether the shots are likelier without frame motion, given the same effects; costs one more fit.
 
-        An effect that bends flights can be mistaken for frame motion.  The strengths of that motion, learnt with a
+        An effect that bends flights can be mistaken for frame motion.  The strengths of that motion, learned with a
         base model that lacks the effect, are uncertain; a fit may end with the touch wrong by ten times the noise.
         """
         if not best.effects:

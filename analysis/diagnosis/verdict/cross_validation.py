@@ -40,7 +40,7 @@ class Prediction:
         )
 
     def predicts_significantly_better(self, before: "Prediction") -> bool:
-        """Return whether this predicts better than the model ``before`` by more than chance scatters that.
+        """Return whether this predicts better than ``before`` by more than the chance scatter of the difference.
 
         If the noise is as assumed, two predictions that differ by d differ in -2 ln L by |d|^2 with a standard
         deviation of 2 |d|.  Here |d| is taken given all uncertainty of ``before``, within which d adds no scatter.
@@ -101,16 +101,16 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
     own = [*(place for place in some.unseen if place not in one.unseen), *own]
     try:
         trained_z, covariance = _trained(fitted, held, some, begin, stop)
-        learnt = dict(zip(one.shared, some.shared, strict=True))
-        shared = [place for place in learnt if place not in own]
-        learnt_at = [learnt[place] for place in shared]
+        learned = dict(zip(one.shared, some.shared, strict=True))
+        shared = [place for place in learned if place not in own]
+        learned_at = [learned[place] for place in shared]
         there = z.copy()
-        there[shared] = trained_z[learnt_at]
+        there[shared] = trained_z[learned_at]
         there[own] += one.square(z).followed(there - z, own)
         found = one.predict(there, shared, evaluations=10, tolerance=1e-2)
         end = found.square
         assert end.residual is not None and end.pull is not None
-        known = None if covariance is None else covariance[np.ix_(learnt_at, learnt_at)]
+        known = None if covariance is None else covariance[np.ix_(learned_at, learned_at)]
         uncertainty = _PredictionUncertainty.of(end.curvature, shared, known)
         shown = one.full(one.unpack(found.parameters))[0]
         measured = fitted.problem.data.shots[held]
@@ -133,15 +133,15 @@ def _trained(fitted: Fitted, held: int, others: Problem, begin: Floats, stop: St
 
     They are kept with the fit, as the shot may be predicted again under other noises.
     """
-    learnt = fitted.held_out_cache.get(held)
-    if learnt is None:
+    learned = fitted.held_out_cache.get(held)
+    if learned is None:
         found = others.search(begin, evaluations=_TRAINED, cancelled=stop)
         seen = np.ones(others.size, dtype=np.bool_)
         seen[others.unseen] = False
-        learnt = found.parameters, found.square.covariance(seen)
+        learned = found.parameters, found.square.covariance(seen)
         if not stop():  # an interrupted fit is not kept
-            fitted.held_out_cache[held] = learnt
-    return learnt
+            fitted.held_out_cache[held] = learned
+    return learned
 
 
 def _of(fitted: Fitted, shots: list[int]) -> tuple[Problem, Floats, list[int]]:

@@ -1,4 +1,4 @@
-"""Test a hypothesis for misfit that looks like noise, by offering it freedoms that a correct one does not need.
+"""Test whether a fit is wrong although its residual looks like noise: add parameters that a correct one does not need.
 
 A wrong effect leaves a small, smooth residual, which wandering noise absorbs.  The fit is therefore offered one more
 freedom at a time: separate parameters for every shot, an effect that is stronger after the turnaround than before,
@@ -110,7 +110,7 @@ def largest_misfit(fitted: Fitted, at: Linearised, unlearned: Linearised, slow: 
     found = []
     gains = side_by_side(lambda one: gain(fitted, unlearned if one[0] in laws else at, one[1]), shapes.items())
     for name, (value, width, floor) in zip(shapes, gains, strict=True):
-        # Wandering noise is learnt from the same data, anew given every shape.  If the noise no longer wanders given a
+        # Wandering noise is learned from the same data, anew given every shape.  If the noise no longer wanders given a
         # shape, it was that shape, and the white-noise limit applies; likewise if the flights show no wander.
         wanders = floor.coloured and not fitted.wanders_only_in_contact
         factor = slow * (CRITERIA.wandering_gain if wanders else 1.0)

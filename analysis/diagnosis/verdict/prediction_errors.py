@@ -125,9 +125,9 @@ def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Err
     effects = trials_of(model.effects)
     fixed = {kind.effect: kind.fixed_in(kind.starts[0]) for kind in effects}
     whole = _own_fitted(Problem(data, effects, noise, fixed=fixed), model.parameters, start)
-    learnt, _ = whole[0].learn_noise(whole[0].residual_m(whole[1]))
+    learned, _ = whole[0].learn_noise(whole[0].residual_m(whole[1]))
     own = OWN + sum(len(kind.own) for kind in along)
-    out = [errors([motion], data.shots, problem.full(problem.unpack(z)), learnt, own) for problem, z in (bare, whole)]
+    out = [errors([motion], data.shots, problem.full(problem.unpack(z)), learned, own) for problem, z in (bare, whole)]
     return out[0], out[1]
 
 

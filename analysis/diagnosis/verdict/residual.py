@@ -88,7 +88,7 @@ class Residual:
 def residual_of(fitted: Fitted, at: Linearised) -> Residual:
     """Test the residual of a fit.
 
-    On a moving frame, strengths learnt from the residual have absorbed much of a missing law.  Free laws and shared
+    On a moving frame, strengths learned from the residual have absorbed much of a missing law.  Free laws and shared
     shapes are therefore tested under the noise of the flights.  Its strengths are uncertain, so chance gains more.
     """
     shots = fitted.problem.data.shots

@@ -51,7 +51,7 @@ def test_a_look_alike_that_the_catalogue_names_is_fitted_where_others_stand_near
     further = Separation(70.0, far.from_other, {})  # what does less than half of the same is none
     kinds = list(KINDS.values())
     arm, damping = effect_named("viscoelastic_arm"), effect_named("plate_damping")
-    # ... but for a simpler look-alike: the noise learnt beside an arm of 99 norms held its damping 61 away
+    # ... but for a simpler look-alike: the noise learned beside an arm of 99 norms held its damping 61 away
     assert "plate_damping" in [kind.effect.name for kind in _nearest(arm, further, kinds)]
     apart = Separation(70.0, {arm: 44.44}, {})
     assert [kind.effect.name for kind in _nearest(damping, apart, kinds)] == []

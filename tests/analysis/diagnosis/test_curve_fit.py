@@ -90,7 +90,7 @@ def test_threads_that_come_first_share_the_members_of_a_basis() -> None:
 
 
 class Rows:
-    """A problem whose displacements are what a test says; the noise is learnt as a number that counts its times."""
+    """A problem whose displacements are what a test says; the noise is learned as a number that counts its times."""
 
     def __init__(self, noise: float = 1.0, site: Any = None) -> None:
         self.noise = noise
@@ -254,7 +254,7 @@ def test_a_fit_of_curves_takes_its_steps_and_learns_the_noise_from_the_second_on
     np.testing.assert_allclose(found.curvature, np.ones((7, 7)) * 5 / 25.0)
     np.testing.assert_allclose(np.concatenate(found.residual_m), 1.0)
     moving = Walk(monkeypatch, *[(0.0, 9.0, 10.0)] * 4)
-    assert moving.fitted(4, site="site").problem.noise == 2.0  # a frame's strengths are learnt at the end alone
+    assert moving.fitted(4, site="site").problem.noise == 2.0  # a frame's strengths are learned at the end alone
     ended = Walk(monkeypatch, (0.0, 9.0, 10.0), (0.0, 9.0, 10.0))
     assert ended.fitted(2, to_the_end=True).z[0] == 2.0 and ended.fresh == [2.0]
     with pytest.raises(Cancelled):

@@ -152,7 +152,7 @@ def test_there_is_no_look_where_no_ripple_may_be_seen(more: Any, monkeypatch: py
 
 
 @pytest.mark.parametrize("site", [None, "site"])
-def test_noise_beside_other_data_is_learnt_from_the_residual_there(site: str | None) -> None:
+def test_noise_beside_other_data_is_learned_from_the_residual_there(site: str | None) -> None:
     asked: list[Any] = []
 
     class Problem:
@@ -164,7 +164,7 @@ def test_noise_beside_other_data_is_learnt_from_the_residual_there(site: str | N
 
         def learn_noise(self, left: Any, start: Any) -> Any:
             asked.append((left, start))
-            return "learnt", 0.0
+            return "learned", 0.0
 
         def with_noise(self, noise: Any) -> Any:
             return Some(linearise=lambda z: (noise, z, self.data))
@@ -175,7 +175,7 @@ def test_noise_beside_other_data_is_learnt_from_the_residual_there(site: str | N
         patch.setattr(full_rate, "replace", lambda problem, *, data: Problem(data))
         best: Any = Some(problem="problem", noise=noise, z="z")
         found: Any = full_rate._beside(best, data)
-    assert found == ("learnt", "z", data) and asked == [(("left", "z"), noise if site else "without site")]
+    assert found == ("learned", "z", data) and asked == [(("left", "z"), noise if site else "without site")]
 
 
 @pytest.mark.parametrize(("worth", "promises"), [(20.1, True), (19.9, False)])

@@ -205,7 +205,7 @@ def test_a_wander_that_flights_do_not_show_asks_for_another_way(
 
 
 @pytest.mark.parametrize(
-    ("learnt", "in_flight", "site", "hides"),
+    ("learned", "in_flight", "site", "hides"),
     [
         (WANDERING, CALM, None, True),
         (WANDERING, WANDERING, None, False),
@@ -214,10 +214,10 @@ def test_a_wander_that_flights_do_not_show_asks_for_another_way(
     ],
 )
 def test_a_path_that_wanders_does_so_in_flight_as_well(
-    learnt: Floor, in_flight: Floor, site: object, hides: bool
+    learned: Floor, in_flight: Floor, site: object, hides: bool
 ) -> None:
     data = SimpleNamespace(site=site, noise_of_flights=in_flight)
-    problem: Any = SimpleNamespace(data=data, with_noise=lambda noise: problem, noise=learnt)
+    problem: Any = SimpleNamespace(data=data, with_noise=lambda noise: problem, noise=learned)
     fitted = Fitted(problem, np.zeros(1), 0.0, (), np.eye(1), True)
     assert fitted.wanders_only_in_contact is hides
 

@@ -36,8 +36,8 @@ def base_in(rig: Rig) -> Fitted:
     return base_fit(joint_data(shots, begin, site), begin, lambda: False, ())
 
 
-def test_strengths_learnt_from_a_residual_hide_no_law_of_the_place() -> None:
-    """A magnet of 1 mN at VC-C is a hundred noise norms: the learnt frame takes it up, that of the flights does not."""
+def test_strengths_learned_from_a_residual_hide_no_law_of_the_place() -> None:
+    """A magnet of 1 mN at VC-C is a hundred noise norms: the learned frame absorbs it, that of the flights does not."""
     clean, pushed = (base_in(Rig("VC-C").with_bodies(magnet_n=force_n)) for force_n in (0.0, 1e-3))
     power = [math.exp(fitted.noise.site[0]) for fitted in (clean, pushed)]
     assert power[0] < 5 and power[1] > 50  # of the slowest motion, over what the flights show

@@ -331,7 +331,7 @@ def test_a_line_is_told_where_it_stands_out_of_what_noise_does() -> None:
 
 
 def test_what_shapes_gain_is_told_by_the_noise_that_is_left_beside_them() -> None:
-    """Base and starts give way to the shapes; the noise is learnt from what both leave."""
+    """Base and starts give way to the shapes; the noise is learned from what both leave."""
     random = np.random.default_rng(7)
     tangents = [random.standard_normal((20, 2)) for _ in range(2)]
     shapes = Arrow.of([random.standard_normal((20, 3)) for _ in range(2)], 3)
@@ -346,10 +346,10 @@ def test_what_shapes_gain_is_told_by_the_noise_that_is_left_beside_them() -> Non
     projected = SimpleNamespace(
         new=np.array([True, True, False]), solve=lambda left: np.linalg.lstsq(seen, left, rcond=None)[0]
     )  # fmt: skip
-    learnt: list[Any] = []
+    learned: list[Any] = []
 
     def learn_noise(left: Any, noise: Any) -> Any:
-        learnt.append((left, noise))
+        learned.append((left, noise))
         return "new floor", 130.0
 
     shot = SimpleNamespace(whitened=lambda noise, block: block)
@@ -365,7 +365,7 @@ def test_what_shapes_gain_is_told_by_the_noise_that_is_left_beside_them() -> Non
         log_likelihood=100.0, residual_m=[whole[:20], whole[20:]],
     )  # fmt: skip
     assert gain(fitted, at, shapes) == (60.0, 2, "new floor")
-    ((left, noise),) = learnt
+    ((left, noise),) = learned
     exact = np.linalg.lstsq(np.hstack([moving, columns]), whole, rcond=None)[0]
     np.testing.assert_allclose(np.concatenate(left), whole - np.hstack([moving, columns]) @ exact, atol=1e-9)
     assert noise == "noise"

@@ -142,7 +142,7 @@ def test_on_a_moving_frame_the_first_effects_are_also_tried_turned_round(monkeyp
     assert later.tried == [(DRAG, 0), (DRAG, 1)]
 
 
-def test_where_noise_was_learnt_those_are_fitted_too_that_score_best_without_it(
+def test_where_noise_was_learned_those_are_fitted_too_that_score_best_without_it(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     under = {DRAG: 9.0, ADHESION: 8.0, CUBIC: 7.0, DRIFT: 6.0}
@@ -388,7 +388,7 @@ def test_a_trail_stops_where_it_is_asked_to() -> None:
         (399.0, True, 109.0, False),
     ],
 )
-def test_a_search_is_made_anew_from_white_noise_where_the_learnt_noise_may_hide_something(
+def test_a_search_is_made_anew_from_white_noise_where_the_learned_noise_may_hide_something(
     bic: float, coloured: bool, chi2: float, anew: bool
 ) -> None:
     asked: list[Any] = []

@@ -1,4 +1,4 @@
-"""The accelerations of flights: of one law for all, or of each for itself, with white noise that is learnt."""
+"""The accelerations of flights: of one law for all, or of each for itself, with white noise that is learned."""
 
 import math
 from types import SimpleNamespace

@@ -32,7 +32,7 @@ def test_whitening_is_that_of_the_dense_covariance() -> None:
     np.testing.assert_allclose(white.T @ white, dense, rtol=1e-8)
 
 
-def test_the_learnt_likelihood_is_that_of_the_dense_covariance() -> None:
+def test_the_learned_likelihood_is_that_of_the_dense_covariance() -> None:
     random = np.random.default_rng(2)
     series = [drawn(300, random) for _ in range(2)]
     valid = [np.ones(300, dtype=bool)] * 2
@@ -46,7 +46,7 @@ def test_the_learnt_likelihood_is_that_of_the_dense_covariance() -> None:
     assert value == pytest.approx(dense, abs=1e-3)
 
 
-def test_a_floor_is_learnt_as_it_was_made_and_white_noise_stays_white() -> None:
+def test_a_floor_is_learned_as_it_was_made_and_white_noise_stays_white() -> None:
     random = np.random.default_rng(3)
     valid = [np.ones(1200, dtype=bool)] * 3
     floor, _ = learn([drawn(1200, random) for _ in range(3)], valid, FLOOR.spacing_s)

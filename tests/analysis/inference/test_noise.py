@@ -1,4 +1,4 @@
-"""The noise learnt from quiet flights: white level, what wanders, and what is none of either."""
+"""The noise learned from quiet flights: white level, what wanders, and what is none of either."""
 
 import math
 from dataclasses import replace
@@ -31,7 +31,7 @@ def with_flights(incoming: int, outgoing: int, seed: int, floor_m: float = FLOOR
     return replace(samples, displacement_m=x, valid=np.ones(count, np.bool_), course=course, weight=1.0)
 
 
-def test_a_floor_that_only_the_longer_flight_shows_is_learnt_from_it() -> None:
+def test_a_floor_that_only_the_longer_flight_shows_is_learned_from_it() -> None:
     short, trusted = noise_of_flights([with_flights(300, 0, 1)])
     assert trusted and short.rms_m[0] == 0.0
     found, _ = noise_of_flights([with_flights(300, 11000, 1)])

@@ -1,4 +1,4 @@
-"""The floor learnt from two flights: likelihood and gradient, and velocities that are as sure as they say."""
+"""The floor learned from two flights: likelihood and gradient, and velocities that are as sure as they say."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -10,8 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.reading.flight import SHORTEST_CURVED_S, Bins, Flight, binned, select
-from analysis.reading.floor_spectrum import FlightObservation, FloorSpectrum, Octaves
-from analysis.reading.vibration_lines import add_line, design_matrix, frequency_derivative, line_of, refined, wave_of
+from analysis.reading.floor_spectrum import FlightObservation, FloorEstimate, FloorSpectrum, Octaves
+from analysis.reading.vibration_lines import (
+    Wave,
+    add_line,
+    design_matrix,
+    frequency_derivative,
+    line_of,
+    refined,
+    wave_of,
+)
 from analysis.shot import Floats, Motion, VibrationLine
 
 Mask = NDArray[np.bool_]
@@ -59,31 +67,14 @@ def read_flights(
     if out is not None and (~bins.into).sum() < MIN_BINS:
         out, bins = None, select(bins, bins.into)
     zeros = (float(motion.time_s[into[1]]), float(motion.time_s[out[0]]) if out is not None else 0.0)
-    knocked, whole = find_knocks(
-        bins.value_m - _unweighted(bins, _polynomials(bins, zeros)[0])[1], bins.into, bins.std_m
-    )
-    half_s = 0.5 * (bins.each - 1) * bins.step_s  # from a bin's middle to its first and to its last sample
-    knocks = tuple((float(bins.time_s[a]) - half_s, float(bins.time_s[b - 1]) + half_s) for a, b in knocked)
-    keep = np.ones(bins.time_s.size, dtype=np.bool_)
-    for a, b in knocked:
-        keep[a:b] = False
-    bins = select(bins, keep)
+    bins, knocks, unremovable_knock = _without_knocks(bins, zeros)
     polynomials, drags = _polynomials(bins, zeros)
     straight, line = _unweighted(bins, polynomials, drags)
     observation = _observation(replace(bins, value_m=bins.value_m - line), drags)
-    waves = [wave_of(bins, line) for line in before.lines] if before is not None else []
-    starts: tuple[Floats, ...] = ()
-    if before is not None and before.strengths.size == observation.unknowns:
-        starts = (before.strengths,)
-    estimate = observation.estimate_floor(design_matrix(bins, waves, polynomials), starts)
-    if waves:
-        waves = refined(bins, observation, waves, polynomials, estimate.best)
-    if before is None and bins.time_s.size >= MIN_FOR_LINES:
-        while len(waves) < MAX_LINES and polynomials.shape[1] + 3 * len(waves) + 12 < bins.time_s.size:
-            more = add_line(bins, observation, waves, polynomials, estimate)
-            if more is None:
-                break
-            waves, estimate = more
+    if before is None:
+        waves, estimate = _search_lines(bins, observation, polynomials)
+    else:
+        waves, estimate = _refine_lines(bins, observation, polynomials, before)
     design = design_matrix(bins, waves, polynomials)
     weights, points = estimate.mixture()
     solution, covariance = observation.solve(weights, points, design)
@@ -105,8 +96,43 @@ def read_flights(
         knocks_s=knocks,
         plain=(float(np.sqrt(plain[1, 1])), float(np.sqrt(plain[degree + 1, degree + 1])) if out is not None else 0.0),
         strengths=estimate.best,
-        unremovable_knock=whole,
+        unremovable_knock=unremovable_knock,
     )
+
+
+def _without_knocks(bins: Bins, zeros: tuple[float, float]) -> tuple[Bins, tuple[tuple[float, float], ...], bool]:
+    """Return the bins outside knocks, (start, end) of every knock in s, and whether one could not be left out."""
+    departure_m = bins.value_m - _unweighted(bins, _polynomials(bins, zeros)[0])[1]
+    knocked, unremovable = find_knocks(departure_m, bins.into, bins.std_m)
+    half_s = 0.5 * (bins.each - 1) * bins.step_s  # from a bin's middle to its first and to its last sample
+    knocks = tuple((float(bins.time_s[a]) - half_s, float(bins.time_s[b - 1]) + half_s) for a, b in knocked)
+    keep = np.ones(bins.time_s.size, dtype=np.bool_)
+    for a, b in knocked:
+        keep[a:b] = False
+    return select(bins, keep), knocks, unremovable
+
+
+def _search_lines(bins: Bins, observation: FlightObservation, polynomials: Floats) -> tuple[list[Wave], FloorEstimate]:
+    """Return the steady lines found in the flights, and the floor's strengths estimated with them."""
+    waves: list[Wave] = []
+    estimate = observation.estimate_floor(design_matrix(bins, waves, polynomials))
+    size = bins.time_s.size
+    while size >= MIN_FOR_LINES and len(waves) < MAX_LINES and polynomials.shape[1] + 3 * len(waves) + 12 < size:
+        more = add_line(bins, observation, waves, polynomials, estimate)
+        if more is None:
+            break
+        waves, estimate = more
+    return waves, estimate
+
+
+def _refine_lines(
+    bins: Bins, observation: FlightObservation, polynomials: Floats, before: Flights
+) -> tuple[list[Wave], FloorEstimate]:
+    """Return the lines of an earlier fit refined, and the floor's strengths estimated with those lines."""
+    waves = [wave_of(bins, line) for line in before.lines]
+    starts = (before.strengths,) if before.strengths.size == observation.unknowns else ()
+    estimate = observation.estimate_floor(design_matrix(bins, waves, polynomials), starts)
+    return refined(bins, observation, waves, polynomials, estimate.best) if waves else waves, estimate
 
 
 def _unweighted(bins: Bins, polynomials: Floats, left_out: tuple[int, ...] = ()) -> tuple[Floats, Floats]:

@@ -94,6 +94,20 @@ def learn_law(
         curves = free_curves(start, tell, stop, beside)
     if not forms_may_beat(beat, curves, start):
         return None
+    fits = _likeliest_forms(_fitted_forms(start, curves, tell, stop), stop)
+    if not fits or fits[0].bic > start.bic - CRITERIA.law_fall:
+        return None
+    best = fits[0].fitted
+    residual = residual_of(best, best.linearise())
+    before, after = (predict(f, held, best.noise, stop) for f in (start, best))
+    if before is None or after is None or not after.predicts_significantly_better(before):
+        return None
+    named = _meets(fits[0], curves)
+    return Discovery(start, (as_learned(start, fits, named, after, held),), best, residual, (before, after))
+
+
+def _fitted_forms(start: Fitted, curves: Sequence[Learned], tell: Progress, stop: Stop) -> list[FormFit]:
+    """Return the fits of closed forms near the likeliest curves, except near those that no form can make likeliest."""
     fits: list[FormFit] = []
     for place, learned in enumerate(curves[:FOLLOWED]):
         if fits and learned.least_form_bic > min(one.bic for one in fits) + CRITERIA.form_excluded:
@@ -105,22 +119,18 @@ def learn_law(
         if not any(_meets(one, curves) for one in met):  # distances were to first order
             met += _refined(start, learned, [form for form in forms if form not in near], [*fits, *met], stop)
         fits += met
+    return fits
+
+
+def _likeliest_forms(fits: list[FormFit], stop: Stop) -> list[FormFit]:
+    """Return fits, the likeliest first, after continuing those that may be it to convergence."""
     if not fits:
-        return None
-    fits.sort(key=lambda one: one.bic)
+        return []
+    fits = sorted(fits, key=lambda one: one.bic)
     within = fits[0].bic + CRITERIA.form_excluded
-    fits = side_by_side(lambda one: _converged(one, stop) if one.bic < within else one, fits)
-    fits.sort(key=lambda one: one.bic)
-    fits[0] = replace(fits[0], fitted=refit_resolving_kinks(fits[0].fitted, stop))
-    best = fits[0].fitted
-    if best.bic > start.bic - CRITERIA.law_fall:
-        return None
-    rest = residual_of(best, best.linearise())
-    before, after = (predict(f, held, best.noise, stop) for f in (start, best))
-    if before is None or after is None or not after.predicts_significantly_better(before):
-        return None
-    named = _meets(fits[0], curves)
-    return Discovery(start, (as_learned(start, fits, named, after, held),), best, rest, (before, after))
+    ends = side_by_side(lambda one: _converged(one, stop) if one.bic < within else one, fits)
+    best, *others = sorted(ends, key=lambda one: one.bic)
+    return [replace(best, fitted=refit_resolving_kinks(best.fitted, stop)), *others]
 
 
 def arguments_of(start: Fitted) -> list[Argument]:

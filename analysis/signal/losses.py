@@ -74,37 +74,50 @@ def find_losses(recording: Recording, rest_hz: float, pd1_jumps: Sequence[int] =
     if column is None or moving_column is None:
         return ()
     turns = rest_hz / recording.sample_rate_hz
-    image = min(abs(2.0 * turns - round(2.0 * turns)), 0.5)
-    if not 0.0 < turns < 0.5 or image < BLOCK_PERIODS / LONGEST_BLOCK:
+    block = _block_samples(turns)
+    if block is None:
         return ()
-    block = int(np.clip(np.ceil(BLOCK_PERIODS / min(image, turns)), SHORTEST_BLOCK, LONGEST_BLOCK))
-    block += block % 2
-    counts = recording.counts[:, column]
-    turns, places = _jumps(counts, turns, block)
+    reference, moving = recording.counts[:, column], recording.counts[:, moving_column]
+    turns, places = _jumps(reference, turns, block)
     known = np.array([gap.sample_start for gap in recording.gaps], dtype=np.int64)
     places = _merge_clusters([at for at in places if not known.size or np.abs(known - at).min() > 2 * block])
     if len(places) > MAX_LOSSES:
         return ()
-    found = []
-    bounds = [0, *((one + other) // 2 for one, other in itertools.pairwise(places)), counts.size]
-    for at, low, high in zip(places, bounds[:-1], bounds[1:], strict=False):
-        first, last = max(at - SIDE_BLOCKS * block, low), min(at + SIDE_BLOCKS * block, high)
-        gaps = _losses_near(
-            recording.counts[first:last, column], recording.counts[first:last, moving_column], at - first, turns
-        )
-        found += [Gap(first + gap.sample_start, gap.samples_lost) for gap in gaps]
+    found = _losses_at(places, reference, moving, SIDE_BLOCKS * block, turns)
     taken = np.array([*places, *known], dtype=np.int64)
     for near in pd1_jumps:
-        first, last = max(near - PD1_REACH, 0), min(near + PD1_REACH, counts.size)
         if taken.size and np.abs(taken - near).min() < 2 * block:
             continue
-        whole = _whole_periods(counts[first:last], recording.counts[first:last, moving_column], near - first, turns)
+        first, last = max(near - PD1_REACH, 0), min(near + PD1_REACH, reference.size)
+        whole = _whole_periods(reference[first:last], moving[first:last], near - first, turns)
         if whole is None:
             continue
         at = first + whole.sample_start
         if all(abs(at - gap.sample_start) > 2 * block for gap in found):  # otherwise it is a loss already found
             found.append(Gap(at, whole.samples_lost))
     return tuple(sorted(found, key=lambda gap: gap.sample_start))
+
+
+def _block_samples(turns: float) -> int | None:
+    """Return the block that distinguishes a beat, of ``turns`` cycles per sample, from its mirror image; else None."""
+    image = min(abs(2.0 * turns - round(2.0 * turns)), 0.5)
+    if not 0.0 < turns < 0.5 or image < BLOCK_PERIODS / LONGEST_BLOCK:
+        return None
+    block = int(np.clip(np.ceil(BLOCK_PERIODS / min(image, turns)), SHORTEST_BLOCK, LONGEST_BLOCK))
+    return block + block % 2
+
+
+def _losses_at(
+    places: Sequence[int], reference: NDArray[np.int16], moving: NDArray[np.int16], side: int, turns: float
+) -> list[Gap]:
+    """Return the losses near each of ``places``, from at most ``side`` samples on either side of it."""
+    found = []
+    bounds = [0, *((one + other) // 2 for one, other in itertools.pairwise(places)), reference.size]
+    for at, low, high in zip(places, bounds[:-1], bounds[1:], strict=False):
+        first, last = max(at - side, low), min(at + side, high)
+        gaps = _losses_near(reference[first:last], moving[first:last], at - first, turns)
+        found += [Gap(first + gap.sample_start, gap.samples_lost) for gap in gaps]
+    return found
 
 
 def _wrapped(cycles: Floats) -> Floats:

@@ -129,7 +129,7 @@ def _check_node(node: ast.expr, parameters: frozenset[str], named: set[str], dep
             if abs(value) > 1e300 or not math.isfinite(value):
                 raise FormulaError("a number beyond all size", column)
         case ast.Name(id=name):
-            if name not in STATE and name not in parameters and name not in _CONSTANTS:
+            if name not in {*STATE, *parameters, *_CONSTANTS}:
                 known = ", ".join((*STATE, *sorted(parameters)))
                 raise FormulaError(f"no {name!r} is known here; there are {known}", column)
             named.add(name)
@@ -201,28 +201,38 @@ def _written(node: ast.expr, parameters: tuple[str, ...]) -> str:
         case ast.Constant(value=value):
             return f"({float(value)!r})"  # type: ignore[arg-type]
         case ast.Name(id=name):
-            if name in _CONSTANTS:
-                return f"({_CONSTANTS[name]!r})"
-            return f"p[{parameters.index(name)}]" if name in parameters else f"s[{STATE[name]}]"
+            return _written_name(name, parameters)
         case ast.UnaryOp(op=op, operand=operand):
             return f"({'-' if isinstance(op, ast.USub) else '+'}{_written(operand, parameters)})"
         case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            base, whole = _written(left, parameters), _whole(right)
-            if whole is None:
-                return f"positive_power({base}, {_written(right, parameters)})"
-            product = f"whole_power({base}, {abs(whole)})"
-            return product if whole > 0 else f"quotient(1.0, {product})"
+            return _written_power(left, right, parameters)
         case ast.BinOp(left=left, op=ast.Div(), right=right):
             return f"quotient({_written(left, parameters)}, {_written(right, parameters)})"
         case ast.BinOp(left=left, op=op, right=right):
             return f"({_written(left, parameters)} {_SIGNS[type(op)]} {_written(right, parameters)})"
+        # the solver changes the block's direction exactly at its turn
+        case ast.Call(func=ast.Name(id="sign"), args=[ast.Name(id="v")]):
+            return f"s[{SIGN_V}].real"
+        case ast.Call(func=ast.Name(id="abs"), args=[ast.Name(id="v")]):
+            return f"(s[{V}] * s[{SIGN_V}].real)"
         case ast.Call(func=ast.Name(id=name), args=arguments):
-            if name in ("sign", "abs") and isinstance(arguments[0], ast.Name) and arguments[0].id == "v":
-                # the solver changes the block's direction exactly at its turn
-                return f"s[{SIGN_V}].real" if name == "sign" else f"(s[{V}] * s[{SIGN_V}].real)"
             inside = ", ".join(_written(a, parameters) for a in arguments)
             return f"{FUNCTIONS[name].kernel.__name__}({inside})"
     raise AssertionError(ast.dump(node))  # ``_check_node`` allows no other node
+
+
+def _written_name(name: str, parameters: tuple[str, ...]) -> str:
+    if name in _CONSTANTS:
+        return f"({_CONSTANTS[name]!r})"
+    return f"p[{parameters.index(name)}]" if name in parameters else f"s[{STATE[name]}]"
+
+
+def _written_power(base: ast.expr, exponent: ast.expr, parameters: tuple[str, ...]) -> str:
+    whole = _whole(exponent)
+    if whole is None:
+        return f"positive_power({_written(base, parameters)}, {_written(exponent, parameters)})"
+    product = f"whole_power({_written(base, parameters)}, {abs(whole)})"
+    return product if whole > 0 else f"quotient(1.0, {product})"
 
 
 def _on_arrays(node: ast.expr, names: Mapping[str, Any]) -> Any:

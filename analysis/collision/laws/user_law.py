@@ -84,14 +84,9 @@ class UserLaw(Effect):
 
 def law_from_table(table: Mapping[str, Any]) -> UserLaw:
     """Return the law that a table describes (docs/own-laws.md).  Raises LawError, which names the faulty key."""
-    for key in table:
-        if key not in ("name", "words", "where", "formula", "parameters"):
-            raise LawError(f"unknown key {key!r}; there are name, words, where, formula, parameters")
+    _check_keys(table, ("name", "words", "where", "formula", "parameters"))
     name, where, text = (_text(table, key) for key in ("name", "where", "formula"))
-    if not name.isidentifier() or not name.isascii() or len(name) > 40:
-        raise LawError(f"name: {name!r} is not a word of letters, digits and _ (at most 40)")
-    if name in CATALOGUE:
-        raise LawError(f"name: the catalogue has an effect called {name!r} already")
+    _check_name(name)
     if where not in _PLACES:
         raise LawError(f"where: {where!r}, but a law acts on {', '.join(_PLACES)}")
     words = _text(table, "words") if "words" in table else name.replace("_", " ").strip() or name
@@ -99,17 +94,7 @@ def law_from_table(table: Mapping[str, Any]) -> UserLaw:
     if not isinstance(given, Mapping) or not 1 <= len(given) <= MAX_PARAMETERS:
         raise LawError(f"parameters: a law has one to {MAX_PARAMETERS} of them")
     parameters = tuple(_parameter(key, value) for key, value in given.items())
-    try:
-        formula = read(text, [p.name for p in parameters])
-    except FormulaError as error:
-        raise LawError(f"formula: {error}") from None
-    if not formula.state and where != "contact":  # in contact a constant acts only while the bodies touch
-        raise LawError(f"formula: it names nothing of the motion ({', '.join(STATE)})")
-    if formula.timed and where == "contact":
-        raise LawError(
-            "formula: t is for laws of the block or the plate; in contact name d, d_rate or the plate's bend"
-        )
-    return _law(name, words, where, formula, parameters)
+    return _law(name, words, where, _formula(text, where, parameters), parameters)
 
 
 @cache
@@ -133,6 +118,33 @@ def known_effect(key: str) -> Effect | None:
     return law if law.key == key else None
 
 
+def _check_keys(table: Mapping[str, Any], known: Sequence[str], inside: str = "") -> None:
+    for key in table:
+        if key not in known:
+            raise LawError(f"{inside}unknown key {key!r}; there are {', '.join(known)}")
+
+
+def _check_name(name: str) -> None:
+    if not name.isidentifier() or not name.isascii() or len(name) > 40:
+        raise LawError(f"name: {name!r} is not a word of letters, digits and _ (at most 40)")
+    if name in CATALOGUE:
+        raise LawError(f"name: the catalogue has an effect called {name!r} already")
+
+
+def _formula(text: str, where: str, parameters: Sequence[Parameter]) -> Formula:
+    try:
+        formula = read(text, [p.name for p in parameters])
+    except FormulaError as error:
+        raise LawError(f"formula: {error}") from None
+    if not formula.state and where != "contact":  # in contact a constant acts only while the bodies touch
+        raise LawError(f"formula: it names nothing of the motion ({', '.join(STATE)})")
+    if formula.timed and where == "contact":
+        raise LawError(
+            "formula: t is for laws of the block or the plate; in contact name d, d_rate or the plate's bend"
+        )
+    return formula
+
+
 def _text(table: Mapping[str, Any], key: str) -> str:
     value = table.get(key)
     if not isinstance(value, str) or not value.strip():
@@ -145,9 +157,7 @@ def _parameter(name: str, table: object) -> Parameter:
         raise LawError(f"parameters: {name!r} is not a word of letters, digits and _")
     if not isinstance(table, Mapping):
         raise LawError(f"parameters.{name}: write it as {{unit = ..., start = ...}}")
-    for key in table:
-        if key not in ("unit", "start", "lower", "upper", "own"):
-            raise LawError(f"parameters.{name}: unknown key {key!r}; there are unit, start, lower, upper, own")
+    _check_keys(table, ("unit", "start", "lower", "upper", "own"), f"parameters.{name}: ")
     unit = table.get("unit")
     if not isinstance(unit, str):
         raise LawError(f'parameters.{name}.unit: missing ("" where it has none)')

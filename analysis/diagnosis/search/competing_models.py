@@ -44,19 +44,7 @@ def with_look_alikes_tried(
     separations = separations_of(best, linearised, trail)
     likeliest = best
     for effect, separation_of_it in separations.items():
-        fewer = without(best, effect, trail)
-        if fewer is None:
-            continue
-        frequency_hz = best.point.values[0][effect].get("frequency_hz")
-        near = _nearest(effect, separation_of_it, trail.catalogue)
-        known = {kind.effect: _known(trail, fewer, kind, frequency_hz) for kind in near}
-        new = [kind for kind in near if known[kind.effect] is None]
-        fitted = {of: one for of, one in known.items() if one is not None}
-        if new:
-            beside, also = trail.linearised(fewer), _with_scales_of(best, fewer, trail)
-            instead = partial(fitted_instead, best, beside, separation_of_it, frequency_hz, trail.stop, also=also)
-            fitted |= {kind.effect: one for kind in new if (one := instead(kind)) is not None}
-        for other, one in fitted.items():
+        for other, one in _fits_of_look_alikes(best, effect, separation_of_it, trail).items():
             if effect.has_simpler_look_alike(other):
                 one = _without_wander(best, one, trail.stop)
             trail.keep(one)
@@ -68,6 +56,23 @@ def with_look_alikes_tried(
     trail.keep(likeliest)
     linearised = trail.linearised(likeliest)
     return likeliest, linearised, separations_of(likeliest, linearised, trail)
+
+
+def _fits_of_look_alikes(best: Fitted, effect: Effect, far: Separation, trail: Trail) -> dict[Effect, Fitted]:
+    """Return the fits with each of an effect's nearest look-alikes in its place, known ones before new ones."""
+    fewer = without(best, effect, trail)
+    if fewer is None:
+        return {}
+    frequency_hz = best.point.values[0][effect].get("frequency_hz")
+    near = _nearest(effect, far, trail.catalogue)
+    known = {kind.effect: _known(trail, fewer, kind, frequency_hz) for kind in near}
+    new = [kind for kind in near if known[kind.effect] is None]
+    fitted = {of: one for of, one in known.items() if one is not None}
+    if new:
+        beside, also = trail.linearised(fewer), _with_scales_of(best, fewer, trail)
+        instead = partial(fitted_instead, best, beside, far, frequency_hz, trail.stop, also=also)
+        fitted |= {kind.effect: one for kind in new if (one := instead(kind)) is not None}
+    return fitted
 
 
 def alternative_without_misfit(

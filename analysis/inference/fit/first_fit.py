@@ -47,40 +47,15 @@ def first_fit(
     shots, 0.3 s more on a moving frame.
     """
     base = base_of(model, 1 + max(shot.plate_number for shot in shots))
-    own = np.array([shot.course.own for shot in shots])
     noise = noise or noise_of_flights(shots, site)[0]
-
-    def starts(guesses: Sequence[Floats]) -> list[SearchStart]:
-        return [SearchStart(base, shared, own) for shared in guesses]
-
+    data = JointData(shots, base, site=site)
     ends: list[SearchStart] = []
     why: Infeasible | None = None
     try:
         if site is None:
-            return _best_of_searches(JointData(shots, base), starts(first_guesses(base, shots, stop)), noise, stop)
-        data = JointData(shots, base, site=site)
-        guessed = cache(lambda: starts(first_guesses(base, shots, stop, site.vibration.rms_m)))  # not always needed
-
-        def candidates() -> Iterator[SearchStart]:
-            yield from starts(resembling_candidates(base, shots, _FOLLOWED))
-            yield from guessed()[:_FOLLOWED]
-
-        sure = False
-        for rough in _noisy_search_ends(data, candidates(), noise, stop):
-            with contextlib.suppress(Infeasible):
-                ends.append(_search_on_frame(data, rough, noise, stop))
-                sure = ends[-1].left < PLATES_RELIABLE_CHI2 or any(
-                    _same_minimum(ends[-1], other) for other in ends[:-1]
-                )
-            if sure:
-                break
-        if not sure and (not ends or min(end.left for end in ends) > BIASED_CHI2):
-            # a search from a poor guess may end without any collision, especially if an effect is missing
-            still = _best_of_searches(JointData(shots, base), guessed(), noise, stop)
-            ends.append(still)
-            for rough in _noisy_search_ends(data, iter([still]), noise, stop):
-                with contextlib.suppress(Infeasible):
-                    ends.append(_search_on_frame(data, rough, noise, stop))
+            return _best_of_searches(data, _starts(data, first_guesses(base, shots, stop)), noise, stop)
+        for end in _ends_on_frame(data, site, noise, stop):
+            ends.append(end)  # one by one: those before a search without any trajectory count
     except Infeasible as reason:
         why = reason
     if stop():
@@ -88,6 +63,45 @@ def first_fit(
     if not ends:
         raise AnalysisError(f"no motion of the {model} model comes near these shots: {why}") from why
     return min(ends, key=lambda end: end.left)
+
+
+def _starts(data: JointData, guesses: Sequence[Floats]) -> list[SearchStart]:
+    own = np.array([shot.course.own for shot in data.shots])
+    return [SearchStart(data.base, shared, own) for shared in guesses]
+
+
+def _ends_on_frame(data: JointData, site: Site, noise: Floor, stop: Stop) -> Iterator[SearchStart]:
+    """Yield the ends of searches on a moving frame until one is sure; if all are poor, also those from a still frame.
+
+    An end is sure if its chi^2 is low, or if another start led to the same minimum.
+    """
+    still_frame = JointData(data.shots, data.base)
+    guessed = cache(lambda: _starts(data, first_guesses(data.base, data.shots, stop, site.vibration.rms_m)))
+
+    def candidates() -> Iterator[SearchStart]:
+        yield from _starts(data, resembling_candidates(data.base, data.shots, _FOLLOWED))
+        yield from guessed()[:_FOLLOWED]  # not always needed
+
+    ends: list[SearchStart] = []
+    for end in _quiet_search_ends(data, candidates(), noise, stop):
+        yield end
+        if end.left < PLATES_RELIABLE_CHI2 or any(_same_minimum(end, other) for other in ends):
+            return
+        ends.append(end)
+    if not ends or min(end.left for end in ends) > BIASED_CHI2:
+        # a search from a poor guess may end without any collision, especially if an effect is missing
+        still = _best_of_searches(still_frame, guessed(), noise, stop)
+        yield still
+        yield from _quiet_search_ends(data, iter([still]), noise, stop)
+
+
+def _quiet_search_ends(
+    data: JointData, starts: Iterator[SearchStart], noise: Floor, stop: Stop
+) -> Iterator[SearchStart]:
+    """Yield the ends of searches with the white noise itself, from those of searches with enlarged noise."""
+    for rough in _noisy_search_ends(data, starts, noise, stop):
+        with contextlib.suppress(Infeasible):
+            yield _search_on_frame(data, rough, noise, stop)
 
 
 def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequence[Effect] = ()) -> Fitted:

@@ -43,12 +43,8 @@ def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tupl
     an effect.  If no flight is long enough, the noise is white, from third differences.
     """
     spacing_s = shots[0].spacing_s
-    turn = 2 * np.pi * spacing_s
-    above = 0.0 if site is None else turn * float(site.vibration.frequency_hz[site.vibration.random][-1])
-    lines = np.empty(0) if site is None else turn * site.vibration.frequency_hz[~site.vibration.random]
-    flights = [[_flight(shot, part) for part in (shot.course.quiet_in, shot.course.quiet_out)] for shot in shots]
-    spectra = [[spectrum_of(f, above, lines) for f in side if f.size >= _FEWEST] for side in zip(*flights, strict=True)]
-    incoming, outgoing = ([s for s in side if s[0].size] for side in spectra)
+    incoming = _spectra([_flight(shot, shot.course.quiet_in) for shot in shots], spacing_s, site)
+    outgoing = _spectra([_flight(shot, shot.course.quiet_out) for shot in shots], spacing_s, site)
     strengths = () if site is None else (0.0,) * site.bands
     if not incoming and not outgoing:
         return replace(white_floor(_by_differences(shots), spacing_s), site=strengths), False
@@ -56,6 +52,15 @@ def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tupl
     if incoming and outgoing:
         noise = _with_outgoing(noise, incoming, outgoing, spacing_s)
     return replace(noise, site=strengths), True
+
+
+def _spectra(flights: Sequence[Floats], spacing_s: float, site: Site | None) -> list[Spectrum]:
+    """Return the spectra of the flights that are long enough, above the motion and without the lines of the frame."""
+    turn = 2 * np.pi * spacing_s
+    above = 0.0 if site is None else turn * float(site.vibration.frequency_hz[site.vibration.random][-1])
+    lines = _NO_LINES if site is None else turn * site.vibration.frequency_hz[~site.vibration.random]
+    spectra = [spectrum_of(flight, above, lines) for flight in flights if flight.size >= _FEWEST]
+    return [spectrum for spectrum in spectra if spectrum[0].size]
 
 
 def _flight(shot: Samples, part: slice) -> Floats:

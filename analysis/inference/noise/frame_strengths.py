@@ -141,19 +141,26 @@ def learn(
     best = left.found(white_floor(1.0, spacing_s), at)
     most = parts if start is None else max(1, sum(rms > 0 for rms in start.rms_m))
     for number in range(1, most + 1):
-        if start is not None and start.rms_m[number - 1] > 0:
-            trial = left.nearby(left.found(_shape_of(start, number), best.at), number, _CLOSER)
-        else:
-            begins = [left.found(_with_a_part(best.shape, number, tau_s), best.at) for tau_s in _TAU_S[number - 1]]
-            begin = max(begins, key=lambda found: found.value)
-            if number > 1 and begin.value < best.value:  # a second part does not help even at its rough start
-                break
-            trial = left.nearby(begin, number, _SIDES)
+        trial = _with_next_part(left, best, start, number)
         samples = sum(int(shot.valid.sum()) for shot in shots)
-        if 2 * (trial.value - best.value) < 2 * math.log(samples):
+        if trial is None or 2 * (trial.value - best.value) < 2 * math.log(samples):
             break
         best = trial
     return best.floor, best.value
+
+
+def _with_next_part(
+    left: _ShotSet, best: _LikeliestStrengths, start: Floor | None, number: int
+) -> _LikeliestStrengths | None:
+    """Return the likeliest strengths with a ``number``-th wandering part, searched from that of ``start`` if any.
+
+    None if a second part does not help even at its rough start.
+    """
+    if start is not None and start.rms_m[number - 1] > 0:
+        return left.nearby(left.found(_shape_of(start, number), best.at), number, _CLOSER)
+    begins = [left.found(_with_a_part(best.shape, number, tau_s), best.at) for tau_s in _TAU_S[number - 1]]
+    begin = max(begins, key=lambda found: found.value)
+    return None if number > 1 and begin.value < best.value else left.nearby(begin, number, _SIDES)
 
 
 @dataclass(frozen=True, slots=True)

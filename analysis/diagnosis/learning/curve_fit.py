@@ -204,14 +204,12 @@ def _fitted(
     *,
     to_the_end: bool,
 ) -> Learned:
+    """Return the fit of ``fit_terms``, started at ``z`` and ``terms``, whose motions are ``begin``."""
     here, damping = _SearchPoint(z, terms, begin, fresh=True), 0.0
     for step in range(steps):
         if stop():
             raise Cancelled
-        went = _downhill(problem, here, damping)
-        if went.there is None and not here.fresh and went.predicted_fall > _SETTLED:
-            here = here.with_derivatives(problem)
-            went = _downhill(problem, here, damping)
+        here, went = _step_from(problem, here, damping)
         if went.there is None:
             break
         here, damping = went.there, went.damping
@@ -222,8 +220,11 @@ def _fitted(
         if went.actual_fall < _FAITHFUL * went.predicted_fall and went.predicted_fall > _SETTLED and step < steps - 1:
             here = here.with_derivatives(problem)
         damping *= _EASING if damping > _DAMPINGS[1] else 0.0
-    if to_the_end:
-        here = here.with_derivatives(problem)
+    return _learned_at(here.with_derivatives(problem) if to_the_end else here, problem)
+
+
+def _learned_at(here: _SearchPoint, problem: Problem) -> Learned:
+    """Return the fit that ends at a point, under the noise learned there."""
     left = here.left_m(problem)
     noise, value = problem.learn_noise(left, problem.noise)
     problem = problem.with_noise(noise)
@@ -239,6 +240,15 @@ class _StepResult(NamedTuple):
     damping: float
     actual_fall: float
     predicted_fall: float
+
+
+def _step_from(problem: Problem, here: _SearchPoint, damping: float) -> tuple[_SearchPoint, _StepResult]:
+    """Return the point and a step downhill from it, with derivatives recomputed if no step falls as these promise."""
+    went = _downhill(problem, here, damping)
+    if went.there is None and not here.fresh and went.predicted_fall > _SETTLED:
+        here = here.with_derivatives(problem)
+        went = _downhill(problem, here, damping)
+    return here, went
 
 
 def _downhill(problem: Problem, here: _SearchPoint, damping: float) -> _StepResult:

@@ -6,7 +6,7 @@ that the integrator propagates do not have this error.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -140,7 +140,6 @@ def respond(
     ``stride`` is that of ``solve``; all arrays are averages over ``block`` samples.  Raises Infeasible if there is no
     trajectory.
     """
-    names = shot.names
     chains = chain_rules(list(shot.values), shot.values, shot.collision, float(shot.own[1])) if derivatives else []
     wanted = _directions(shot) if derivatives else {}
     # A parameter may enter a kernel through others: those get placeholder names, and the chain rule follows below.
@@ -149,24 +148,12 @@ def respond(
     inner = 1 if seeing else block  # the sensor's effects act on every sample, before averaging
     acting = [at for at in wanted.values() if at is not None]
     run = _solved(shot, time_s, acting, stride, inner)
-    places = [place for place, at in enumerate(wanted.values()) if at is not None]
-    x, columns = run.displacement_m, np.zeros((run.displacement_m.size, len(wanted)))
-    columns[:, places] = run.displacement_derivatives
-    velocity_out = None
-    if (released := run.released) is not None:
-        slope = np.zeros(len(wanted))
-        slope[places] = released.state_derivatives[:, 1]
-        velocity_out = float(released.state[1]), slope
-    if derivatives:
-        columns[:, names.index("touch_time_s")] = -run.velocity_m_per_s
-        if chains:
-            by_names = chain_matrix(chains, names, shot.base.columns(shot.samples.plate_number))
-            columns = columns @ by_names
-            velocity_out = None if velocity_out is None else (velocity_out[0], velocity_out[1] @ by_names)
+    by_names = chain_matrix(chains, shot.names, shot.base.columns(shot.samples.plate_number)) if chains else None
+    x, (columns, slope) = run.displacement_m, _slopes_of_motion(shot, run, wanted, by_names)
     for effect in seeing:
         x, columns = _through_sensor(effect, shot, time_s, run.velocity_m_per_s, x, columns)
     if derivatives:
-        columns[:, names.index("offset_m")] = 1.0
+        columns[:, shot.names.index("offset_m")] = 1.0
     left = block // inner
     return Response(
         averaged(x, left) + shot.own[2],
@@ -175,8 +162,26 @@ def respond(
         averaged(run.plate_displacement_m, left),
         averaged(run.gap_m, left),
         run.log,
-        velocity_out,
+        None if run.released is None else (float(run.released.state[1]), slope),
     )
+
+
+def _slopes_of_motion(
+    shot: ShotModel, run: Trajectory, wanted: Mapping[str, int | None], by_names: Floats | None
+) -> tuple[Floats, Floats]:
+    """Return the derivatives by ``names`` of the displacement, (n, p), and of the velocity after the release, (p,).
+
+    ``wanted`` are the integrator's directions of ``names`` and of placeholders, which the matrix ``by_names`` of the
+    chain rule converts to ``names``.  If there are none, p is zero.
+    """
+    places = [place for place, at in enumerate(wanted.values()) if at is not None]
+    columns, slope = np.zeros((run.displacement_m.size, len(wanted))), np.zeros(len(wanted))
+    columns[:, places] = run.displacement_derivatives
+    if run.released is not None:
+        slope[places] = run.released.state_derivatives[:, 1]
+    if wanted:
+        columns[:, shot.names.index("touch_time_s")] = -run.velocity_m_per_s
+    return (columns, slope) if by_names is None else (columns @ by_names, slope @ by_names)
 
 
 def _directions(shot: ShotModel) -> dict[str, int | None]:

@@ -57,14 +57,10 @@ def screen_laws(
     missing = [LAWS[name] for name in laws if name not in found.laws]
     groups: list[_Group] = []
     unidentifiable = []
-    for law in missing:
-        if law.force is None:
-            continue
-        ripple = law.name == "position_ripple"
-        places = _ripple_pitches(table, mask, basis, rest) if ripple else grid_points(law, table.stretches)
-        some = [_group(table, law, at, mask, basis) for at in places]
+    for law in (law for law in missing if law.force is not None):
+        some = _groups(table, law, mask, basis, rest)
         groups += [group for group in some if group is not None]
-        if places and not any(some):
+        if some and not any(some):
             unidentifiable.append(law.name)
     later = _delayed(table, found, basis) if "drive_delay" in laws and "drive_delay" not in found.laws else {}
     singles = [CandidateLaws((g.law,), _nonlinear(g), _square(g.columns.T @ rest)) for g in groups]
@@ -72,6 +68,13 @@ def screen_laws(
     singles += [CandidateLaws(("drive_delay",), {"drive_delay": (t,)}, size - _square(r)) for t, r in later.items()]
     both = list(_pairs(groups, rest, later)) if pairs else []
     return ScreenedLaws(_best(singles), _best(both), tuple(unidentifiable))
+
+
+def _groups(table: Table, law: Law, mask: Mask, basis: Floats, rest: Floats) -> list[_Group | None]:
+    """Return a law's columns at every point of its grid; None where they depend linearly on the model."""
+    ripple = law.name == "position_ripple"
+    places = _ripple_pitches(table, mask, basis, rest) if ripple else grid_points(law, table.stretches)
+    return [_group(table, law, at, mask, basis) for at in places]
 
 
 def grid_points(law: Law, stretches: Sequence[Stretch]) -> list[tuple[float, ...]]:

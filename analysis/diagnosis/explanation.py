@@ -15,7 +15,7 @@ from analysis.diagnosis.verdict.identifiability import Separation, missed_withou
 from analysis.diagnosis.verdict.indistinguishable import indistinguishable_effects
 from analysis.diagnosis.verdict.residual import Residual, remainder_of, residual_of
 from analysis.inference import Fitted, Linearised, effect_parameters, with_profile_std
-from analysis.shot import Quantity
+from analysis.shot import Quantity, Stop
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +76,6 @@ def explain_with_effects(
             break
         best, linearised = fewer, trail.linearised(fewer)
         residual, separations = residual_of(best, linearised), separations_of(best, linearised, trail)
-    predictions = settled.predictions
-    if best is not settled.predicted and predictions is not None:
-        again = predict(best, held_out, best.noise, question.stop)
-        predictions = (predictions[0], again) if again is not None else None
     named = bool(effects) or verdict is Verdict.ADEQUATE
     return Explanation(
         verdict=verdict,
@@ -90,9 +86,17 @@ def explain_with_effects(
         effects=tuple(effects),
         remainder=remainder(best, residual) if named else _imitated(best, trail, residual),
         held_out=held_out,
-        predictions=predictions,
+        predictions=_predictions_of(best, settled, held_out, question.stop),
         imitations=() if named else tuple(found),
     )
+
+
+def _predictions_of(best: Fitted, settled: GatedFit, held_out: tuple[int, ...], stop: Stop) -> Predictions | None:
+    """Return the predictions before and by ``best``: those of the settled fit, if it is the one that predicted."""
+    if best is settled.predicted or settled.predictions is None:
+        return settled.predictions
+    again = predict(best, held_out, best.noise, stop)
+    return None if again is None else (settled.predictions[0], again)
 
 
 def _found(

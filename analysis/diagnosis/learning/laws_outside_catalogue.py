@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
+from analysis.collision import Effect
 from analysis.diagnosis.explanation import Explanation, remainder
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import in_joint_fit
@@ -122,14 +123,7 @@ def _together(known: Explanation, law: SingleLaw, found: Discovery, base: Predic
     their gates without the law count as passing where no residual remains, and as imitations where one does.
     """
     held, stop = law.held, law.stop
-    fitted, kept = found.fitted, list(known.effects or known.imitations)
-    while True:
-        fewer = {one.effect: without_effect(fitted, one.effect, stop) for one in kept}
-        idle = min(fewer, key=lambda one: _worth(fitted, fewer[one]), default=None)
-        trial = None if idle is None else fewer[idle]
-        if trial is None or _worth(fitted, trial) >= CRITERIA.least_fall:
-            break
-        fitted, kept = trial, [one for one in kept if one.effect != idle]
+    fitted, kept, fewer = _without_idle(found.fitted, known.effects or known.imitations, stop)
     fitted = fitted.continued(stop)
     told, rest, at = found.predictions[1], found.residual, fitted.linearise()
     if fitted is not found.fitted:
@@ -141,6 +135,19 @@ def _together(known: Explanation, law: SingleLaw, found: Discovery, base: Predic
     named, imitations = (anew, []) if known.effects or explains else ([], anew)
     verdict = conclude(explained=explains, effects=named, laws=laws)
     return _explained(known, held, verdict, fitted, rest, (base, told), effects=named, laws=laws, imitations=imitations)
+
+
+def _without_idle(
+    fitted: Fitted, kept: Sequence[FoundEffect], stop: Stop
+) -> tuple[Fitted, Sequence[FoundEffect], dict[Effect, Fitted | None]]:
+    """Return the fit without effects that do not pay, those that it keeps, and the fits without each of them."""
+    while True:
+        fewer = {one.effect: without_effect(fitted, one.effect, stop) for one in kept}
+        idle = min(fewer, key=lambda one: _worth(fitted, fewer[one]), default=None)
+        trial = None if idle is None else fewer[idle]
+        if trial is None or _worth(fitted, trial) >= CRITERIA.least_fall:
+            return fitted, kept, fewer
+        fitted, kept = trial, [one for one in kept if one.effect != idle]
 
 
 def _worth(fitted: Fitted, fewer: Fitted | None) -> float:

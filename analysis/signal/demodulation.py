@@ -192,10 +192,7 @@ def _motion(
     recording: Recording, settings: AnalysisSettings, wavelength_m: float, grid: Grid, tracks: list[Track]
 ) -> Motion:
     track, rate = tracks[0], grid.rate_hz
-    known = np.flatnonzero(np.isfinite(track.phase_cycles))
-    if known.size < 3:
-        raise AnalysisError("too short: no stretch without lost samples is long enough for the filters")
-    count = int(known[-1]) + 1
+    count = _known_samples(track)
     time_s = grid.time_s(track.spec.tuning)[:count]
     moving = track.phase_cycles[:count] + track.oscillator_hz * (time_s - _delay_s(track))
     folded = folded_harmonic(moving, track.amplitude_counts[:count], time_s, recording.sample_rate_hz, rate)
@@ -249,6 +246,14 @@ def _motion(
         measurement=_quality(recording, Role.MEASUREMENT, track, grid),
         flags=tuple(dict.fromkeys(flags)),
     )
+
+
+def _known_samples(track: Track) -> int:
+    """Return the number of motion samples up to the last known phase.  Raises AnalysisError."""
+    known = np.flatnonzero(np.isfinite(track.phase_cycles))
+    if known.size < 3:
+        raise AnalysisError("too short: no stretch without lost samples is long enough for the filters")
+    return int(known[-1]) + 1
 
 
 def _without_leak(

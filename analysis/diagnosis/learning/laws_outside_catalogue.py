@@ -11,13 +11,13 @@ from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import in_joint_fit
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.learning.two_laws import learn_laws, learn_second_law
-from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.verdict.acceptance import conclude
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import Prediction, Predictions, predict
 from analysis.diagnosis.verdict.identifiability import missed_without, snr
-from analysis.diagnosis.verdict.residual import Residual, residual_of
+from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference import Fitted, Linearised, effect_parameters
 from analysis.shot import Quantity, Stop
 
@@ -67,7 +67,7 @@ def _in_turn(known: Explanation, alone: SingleLaw, beat: float) -> Iterator[Expl
             first = limit.within("a second law", another, first)
         if first.fitted.bic < instead:
             verdict = conclude(explained=first.explains, effects=(), laws=first.laws)
-            yield _explained(known, held, verdict, first.fitted, first.residual, first.predictions, laws=first.laws)
+            yield _explained(known, held, verdict, first)
     if helped is None or not nearest.converged:
         return
     tell("learning a law beside the effects that came nearest", 0.83)
@@ -76,7 +76,8 @@ def _in_turn(known: Explanation, alone: SingleLaw, beat: float) -> Iterator[Expl
     if joined is not None:
         yield _together(known, alone, joined, helped[0])
     verdict = conclude(explained=False, effects=(), predicts_better=True)
-    yield _explained(known, held, verdict, nearest, rest, helped, imitations=known.imitations)
+    without_law = Discovery(alone.start, (), nearest, rest, helped)
+    yield _explained(known, held, verdict, without_law, imitations=known.imitations)
 
 
 def laws_given_effects(known: Explanation, law: SingleLaw, beat: float) -> Explanation | None:
@@ -94,25 +95,22 @@ def _explained(
     known: Explanation,
     held: tuple[int, ...],
     verdict: Verdict,
-    fitted: Fitted,
-    rest: Residual,
-    predictions: Predictions,
+    found: Discovery,
     *,
     effects: Sequence[FoundEffect] = (),
-    laws: tuple[LearnedLaw, ...] = (),
     imitations: Sequence[FoundEffect] = (),
 ) -> Explanation:
-    """Return the explanation by the fit ``fitted``, which leaves ``rest``, of shots that ``known`` does not explain."""
+    """Return the explanation by the fit and the laws of ``found`` of shots that ``known`` does not explain."""
     return replace(
         known,
         verdict=verdict,
-        after=fitted,
+        after=found.fitted,
         effects=tuple(effects),
-        laws=laws,
+        laws=found.laws,
         imitations=tuple(imitations),
-        remainder=remainder(fitted, rest),
+        remainder=remainder(found.fitted, found.residual),
         held_out=held,
-        predictions=predictions,
+        predictions=found.predictions,
     )
 
 
@@ -125,16 +123,17 @@ def _together(known: Explanation, law: SingleLaw, found: Discovery, base: Predic
     held, stop = law.held, law.stop
     fitted, kept, fewer = _without_idle(found.fitted, known.effects or known.imitations, stop)
     fitted = fitted.continued(stop)
-    told, rest, at = found.predictions[1], found.residual, fitted.linearise()
+    told, residual, at = found.predictions[1], found.residual, fitted.linearise()
     if fitted is not found.fitted:
-        told, rest = predict(fitted, held, fitted.noise, stop) or told, residual_of(fitted, at)
-    explains = found.explains and not rest.significant
+        told, residual = predict(fitted, held, fitted.noise, stop) or told, residual_of(fitted, at)
+    explains = found.explains and not residual.significant
     laws = tuple(in_joint_fit(one, fitted, one.form is not None) for one in found.laws)
     parameters = effect_parameters(fitted)
     anew = [_anew(one, parameters[one.effect], fitted, at, fewer[one.effect]) for one in kept]
     named, imitations = (anew, []) if known.effects or explains else ([], anew)
     verdict = conclude(explained=explains, effects=named, laws=laws)
-    return _explained(known, held, verdict, fitted, rest, (base, told), effects=named, laws=laws, imitations=imitations)
+    joined = Discovery(found.start, laws, fitted, residual, (base, told))
+    return _explained(known, held, verdict, joined, effects=named, imitations=imitations)
 
 
 def _without_idle(

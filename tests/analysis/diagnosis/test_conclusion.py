@@ -99,7 +99,9 @@ def test_effects_that_passed_no_gate_are_named_beside_a_law_only_where_nothing_r
     }.items():
         monkeypatch.setattr(beyond, name, made)
     rest = SimpleNamespace(significant=remains)
-    found = SimpleNamespace(fitted=fit, predictions=(None, None), residual=rest, explains=not remains, laws=(_Law(),))
+    found = SimpleNamespace(
+        start=None, fitted=fit, predictions=(None, None), residual=rest, explains=not remains, laws=(_Law(),)
+    )
     monkeypatch.setattr(beyond, "_explained", lambda *of, **more: SimpleNamespace(verdict=of[2], **more))
     known = SimpleNamespace(effects=[EFFECT] if passed else [], imitations=[EFFECT])
     law = SimpleNamespace(held=(), stop=lambda: False)
@@ -149,8 +151,8 @@ def test_what_explains_all_first_is_told_and_else_the_likeliest(
     for name, made in {
         "learn_second_law": lambda *_, **__: found("with a second", with_second),
         "learn_law": lambda *_, **__: found("joined", joined),
-        "_explained": lambda known, held, verdict, fitted, *_, **__: SimpleNamespace(
-            verdict=verdict, bic=fitted.bic, after=fitted
+        "_explained": lambda known, held, verdict, found, **_: SimpleNamespace(
+            verdict=verdict, bic=found.fitted.bic, after=found.fitted
         ),
         "_together": lambda known, law, one, base: one,
         "_helps": lambda *_: (None, None),

@@ -2,7 +2,7 @@
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -13,6 +13,7 @@ from analysis.diagnosis import explanation
 from analysis.diagnosis.explanation import Explanation
 from analysis.diagnosis.learning import law_learning
 from analysis.diagnosis.learning import laws_outside_catalogue as module
+from analysis.diagnosis.learning.law_learning import Discovery
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.shot.quantity import Quantity
@@ -94,8 +95,9 @@ def test_a_fit_with_laws_takes_the_place_of_the_model_after(significant: bool, m
     monkeypatch.setattr(explanation, "remainder_of", lambda *given: ("remainder", *given))
     known = known_of(Verdict.UNEXPLAINED, "nearest")
     rest: Any = SimpleNamespace(significant=significant, misfit="misfit")
-    given: Any = (known, (7,), Verdict.LAW_LEARNED, "fitted", rest, ("q0", "q1"))
-    made: Any = module._explained(*given, effects=["e"], laws=("law",), imitations=["i"])  # type: ignore[arg-type, list-item]
+    anything: Any = ("start", ("law",), "fitted", rest, ("q0", "q1"))
+    found, effects, imitations = Discovery(*anything), cast(Any, ["e"]), cast(Any, ["i"])
+    made: Any = module._explained(known, (7,), Verdict.LAW_LEARNED, found, effects=effects, imitations=imitations)
     assert (made.verdict, made.after, made.effects, made.laws) == (Verdict.LAW_LEARNED, "fitted", ("e",), ("law",))
     assert (made.imitations, made.held_out, made.predictions) == (("i",), (7,), ("q0", "q1"))
     assert made.remainder == (("remainder", "fitted", "misfit") if significant else None)
@@ -158,7 +160,12 @@ def test_an_effect_that_no_longer_pays_beside_a_law_goes(
     monkeypatch.setattr(module, "in_joint_fit", lambda law, fitted, named: (law.form, named))
     laws = (SimpleNamespace(form="linear"),)
     found: Any = SimpleNamespace(
-        fitted=Fit((DRAG, TILT)), predictions=("base", "told"), residual="before", explains=True, laws=laws
+        start="start",
+        fitted=Fit((DRAG, TILT)),
+        predictions=("base", "told"),
+        residual="before",
+        explains=True,
+        laws=laws,
     )
     effects = [FoundEffect(DRAG, {}, {"snr": 50.0}), FoundEffect(TILT, {}, {"snr": 60.0, "other": 1.0})]
     known = known_of(Verdict.UNEXPLAINED, "nearest", *((effects,) if passed else ()), imitations=effects)
@@ -270,15 +277,15 @@ def test_the_law_alone_two_laws_and_a_law_beside_effects_are_tried_in_turn(
     tell = alone.tell
     expected: list[Any] = []
     if reach:
-        expected.append(("explained", (3,), explains, curve(-21.0), None, None, {"laws": ()}))
+        expected.append(("explained", (3,), explains, SimpleNamespace(**vars(first)), {}))
     known = known_of(Verdict.UNEXPLAINED, nearest, imitations=("effects",))
     helped &= converged
     if helped and joined:
         law = ("law", nearest, (3,), tell, limit, 8.0)
         expected.append(("together", known, alone, law, "before"))
     if helped:
-        last = ("explained", (3,), False, nearest, rest, ("before", "told"), {"imitations": ("effects",)})
-        expected.append(last)
+        without_law = Discovery("start", (), nearest, cast(Any, rest), cast(Any, helps))  # type: ignore[arg-type]
+        expected.append(("explained", (3,), False, without_law, {"imitations": ("effects",)}))
     assert list(module._in_turn(known, alone, 8.0)) == expected
     assert seconds == ([(first, (3,), tell, limit, instead)] if reach and not explains else [])
     second = ["a second law"] if reach and not explains else []

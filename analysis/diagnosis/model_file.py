@@ -122,6 +122,14 @@ def from_text(text: str) -> SavedModel:
     parameters, base_parameters = _read_quantities(data, "parameters"), _read_quantities(data, "base_parameters")
     for table, quantities in (("parameters", parameters), ("base_parameters", base_parameters)):
         _check_values(table, quantities)
+    return SavedModel(
+        base, tuple(effects.values()), parameters, _read_covariance(data, parameters), _strings(data, "shots"),
+        _read_errors(data), base_parameters, tuple(effects[name] for name in tried),
+    )  # fmt: skip
+
+
+def _read_covariance(data: dict[str, Any], parameters: Mapping[str, Quantity]) -> NDArray[np.float64]:
+    """Return the covariance of the parameters, shape (p, p), or (0, 0) if the file has none."""
     rows = _table(data, "covariance").get("rows", [])
     try:
         covariance = np.array(rows, dtype=np.float64).reshape(len(rows), -1 if rows else 0)
@@ -131,15 +139,16 @@ def from_text(text: str) -> SavedModel:
         raise ModelFileError(f"covariance.rows: {len(parameters)} rows of {len(parameters)} numbers are expected")
     if covariance.size:
         _check_covariance(covariance, parameters)
+    return covariance
+
+
+def _read_errors(data: dict[str, Any]) -> dict[str, Errors]:
     errors = {}
     for name, entry in _table(data, "errors").items():
         if name not in _ERRORS or not isinstance(entry, dict):
             raise ModelFileError(f"errors.{name}: one of {', '.join(_ERRORS)} is expected")
         errors[name] = Errors(*(_float(entry, of.name, name) for of in fields(Errors)))
-    return SavedModel(
-        base, tuple(effects.values()), parameters, covariance, _strings(data, "shots"), errors, base_parameters,
-        tuple(effects[name] for name in tried),
-    )  # fmt: skip
+    return errors
 
 
 def effect_in_file(key: str, base: str) -> Effect | None:

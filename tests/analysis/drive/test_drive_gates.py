@@ -259,7 +259,7 @@ def test_what_a_drive_repeats_to_is_the_scatter_of_one_pass_and_not_of_two() -> 
     noisy = with_force(table, np.random.default_rng(6).normal(0.0, 5.0, table.time_s.size))
     found = regress(noisy)
     repeats = repeatability_of(noisy, found, 0.1)
-    assert repeats.repeats and float(repeats.what.split()[-2]) == pytest.approx(2.0, abs=0.02)
+    assert repeats.repeats and repeats.cycle_s == pytest.approx(2.0, abs=0.02)
     assert repeats.force_n == pytest.approx(5.0, rel=0.05)
     assert repeatability_of(noisy, found, 8.0).force_n == 8.0  # never below the noise of the force
 

@@ -17,6 +17,7 @@ from app.session.jobs import pop_all
 from app.session.kernels import Stage
 from instrument.capture import (
     CAN_ARM,
+    Acquisition,
     CapturedShot,
     CaptureOptions,
     Deadlines,
@@ -271,8 +272,7 @@ class Rig:
                 options,
                 analysis=ShotAnalysis(self._read, self._fit),
                 warm=self._warm,
-                deadlines=self._deadlines,
-                clock=self._clock,
+                machine=Acquisition(self._clock, self._deadlines),
                 numbers=self._numbers,
             )
             capture.start()

@@ -1,4 +1,4 @@
-from .acquisition import CAN_ARM, Deadlines, State
+from .acquisition import CAN_ARM, Acquisition, Deadlines, State
 from .analysis_thread import ShotAnalysis, fit_here
 from .capture import AcquireError, Capture, acquire
 from .snapshot import CapturedShot, SignalLine, Snapshot
@@ -7,6 +7,7 @@ from .stream_reader import CaptureOptions
 __all__ = [
     "CAN_ARM",
     "AcquireError",
+    "Acquisition",
     "Capture",
     "CaptureOptions",
     "CapturedShot",

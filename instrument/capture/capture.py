@@ -38,7 +38,7 @@ class Capture:
     All methods may be called from any thread and return at once, except ``close`` and ``save_pending``.  Without
     ``analysis`` shots are only saved.  ``warm(given_up)`` returns once the kernels that a stream needs are compiled.
     ``say`` gets one line for every fault (default: standard error).  ``numbers`` gives the shots' numbers, from 1 by
-    default.
+    default; ``machine`` has the clock and the deadlines.
     """
 
     def __init__(
@@ -49,14 +49,13 @@ class Capture:
         analysis: ShotAnalysis | None = None,
         warm: Callable[[Callable[[], bool]], None] = lambda given_up: warm(),
         live: bool = True,
-        deadlines: Deadlines | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        machine: Acquisition | None = None,
         say: Callable[[str], None] = _to_standard_error,
         numbers: Iterator[int] | None = None,
     ) -> None:
         self._digitizer = digitizer
-        self._clock = clock
-        machine = Acquisition(clock, deadlines or Deadlines())
+        machine = machine or Acquisition(time.monotonic)
+        self._clock = machine.clock
         self._capture = capture = CaptureThread(digitizer, options, machine, analysis, warm, say, numbers)
         self._orders, self._shots = capture.orders, capture.captured
         self.digitizer_held = False  # after ``close``: a call of the digitizer has not returned
@@ -224,7 +223,7 @@ def acquire(
         digitizer,
         CaptureOptions(out, settings, setup),
         live=False,
-        deadlines=Deadlines(armed_s=timeout_s),
+        machine=Acquisition(time.monotonic, Deadlines(armed_s=timeout_s)),
         say=faults.append,
     )
     try:

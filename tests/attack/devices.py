@@ -12,6 +12,7 @@ import numpy as np
 import usb.core
 
 from analysis.shot.recording import Role
+from instrument.capture.acquisition import Acquisition
 from instrument.capture.capture import AcquireError, acquire
 from instrument.capture.snapshot import Snapshot
 from instrument.devices.bulk_stream import Chunk
@@ -231,7 +232,7 @@ def clocks(folder: Path, random_: random.Random) -> Iterator[Attempt]:
                     shift[0] += random_.choice((-3600.0, -1.0, 1.0, 2.0))
                 return time.monotonic() + shift[0]
 
-            with Capturing(place, FakeDigitizer(), live=False, clock=clock) as rig:
+            with Capturing(place, FakeDigitizer(), live=False, machine=Acquisition(clock)) as rig:
                 for index in range(2):
                     rig.capture.arm()
                     until(rig.capture, lambda now, index=index: _taken(now, index), 15.0)

@@ -13,7 +13,7 @@ import pytest
 
 from analysis.shot.recording import Recording, Setup
 from analysis.shot.shot import Cancelled, Shot
-from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.acquisition import Acquisition, Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.snapshot import SignalLine, Snapshot
 from instrument.capture.stream_reader import CaptureOptions
@@ -251,7 +251,12 @@ def test_an_analysis_that_goes_on_is_waited_for_and_one_that_hangs_is_not(tmp_pa
             raise Cancelled
         return analysed(recording, progress, cancelled)
 
-    with Capturing(tmp_path, analysis=ShotAnalysis(slow), live=False, deadlines=Deadlines(analysing_s=0.3)) as rig:
+    with Capturing(
+        tmp_path,
+        analysis=ShotAnalysis(slow),
+        live=False,
+        machine=Acquisition(time.monotonic, Deadlines(analysing_s=0.3)),
+    ) as rig:
         rig.capture.arm()
         done = until(rig.capture, lambda s: bool(s.finished))
         assert done.finished[0].shot is not None and done.state is not State.FAULT

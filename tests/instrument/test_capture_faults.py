@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from analysis.shot.shot import AnalysisError, Cancelled, Shot
-from instrument.capture.acquisition import Deadlines, State
+from instrument.capture.acquisition import Acquisition, Deadlines, State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.capture import Capture
 from instrument.capture.stream_reader import CaptureOptions
@@ -71,7 +71,9 @@ def test_a_stalled_stream_and_a_driver_that_hangs_are_said(tmp_path: Path) -> No
         now[0] += 0.5
         return Block(0)
 
-    with Capturing(tmp_path, FakeDigitizer(before_block=silent), live=False, clock=lambda: now[0]) as rig:
+    with Capturing(
+        tmp_path, FakeDigitizer(before_block=silent), live=False, machine=Acquisition(lambda: now[0])
+    ) as rig:
         rig.capture.arm()
         assert "10000 samples came, then none for 3 s" in until(rig.capture, lambda s: s.state is State.FAULT).message
         mode[0] = "hang"
@@ -93,7 +95,7 @@ def test_a_shot_longer_than_every_deadline_is_taken_whole(tmp_path: Path) -> Non
         return None
 
     with Capturing(
-        tmp_path, FakeDigitizer(before_block=slow), live=False, clock=lambda: now[0], options=options
+        tmp_path, FakeDigitizer(before_block=slow), live=False, machine=Acquisition(lambda: now[0]), options=options
     ) as rig:
         rig.capture.arm()
         shot = until(rig.capture, lambda s: s.shots == 1 or s.state is State.FAULT)
@@ -110,7 +112,12 @@ def test_nothing_fires_is_said_after_the_deadline(tmp_path: Path) -> None:
         fake.at = at % 20_000
         return None
 
-    with Capturing(tmp_path, FakeDigitizer(before_block=flat), live=False, deadlines=Deadlines(armed_s=0.2)) as rig:
+    with Capturing(
+        tmp_path,
+        FakeDigitizer(before_block=flat),
+        live=False,
+        machine=Acquisition(time.monotonic, Deadlines(armed_s=0.2)),
+    ) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.state is State.ARMED)
         idle = until(rig.capture, lambda s: s.state is State.IDLE)
@@ -203,7 +210,7 @@ def test_a_simulated_device_that_is_late_is_no_fault(tmp_path: Path) -> None:
         return None
 
     digitizer = FakeDigitizer(before_block=late, simulated=True)
-    with Capturing(tmp_path, digitizer, live=False, clock=lambda: now[0]) as rig:
+    with Capturing(tmp_path, digitizer, live=False, machine=Acquisition(lambda: now[0])) as rig:
         rig.capture.arm()
         until(rig.capture, lambda s: s.shots == 1)
         assert now[0] == 30.0 and not rig.said

@@ -399,7 +399,9 @@ def test_only_what_progresses_is_waited_for_longer(stepped: Stepped) -> None:
 def test_a_snapshot_counts_the_samples_and_losses_of_this_stream_and_says_how_far_the_shot_is(tmp_path: Path) -> None:
     now = [5.0]
     digitizer = FakeDigitizer(max_samples=20_000, hardware_trigger=True, gaps={30_000: 12})
-    capture = Capture(digitizer, CaptureOptions(tmp_path, SETTINGS), live=False, clock=lambda: now[0], say=print)
+    capture = Capture(
+        digitizer, CaptureOptions(tmp_path, SETTINGS), live=False, machine=Acquisition(lambda: now[0]), say=print
+    )
     thread = capture._capture
     thread.recorder.begin = lambda *_: None  # type: ignore[method-assign]
     for lost in (0, 12):
@@ -502,7 +504,7 @@ def test_what_is_asked_of_a_capture_is_an_order_to_its_thread(tmp_path: Path) ->
 
 def test_arming_is_shown_from_the_press_until_the_digitizer_has_started(tmp_path: Path) -> None:
     now, digitizer = [100.0], FakeDigitizer()
-    capture = Capture(digitizer, CaptureOptions(tmp_path, SETTINGS), live=False, clock=lambda: now[0])
+    capture = Capture(digitizer, CaptureOptions(tmp_path, SETTINGS), live=False, machine=Acquisition(lambda: now[0]))
     thread = capture._capture
 
     def shown() -> tuple[State, float]:
@@ -553,7 +555,9 @@ def test_a_driver_that_blocks_the_thread_for_longer_than_its_time_does_not_answe
     tmp_path: Path, how: dict[str, bool], samples_came: bool, starting: bool, limit_s: float
 ) -> None:
     now = [100.0]
-    capture = Capture(FakeDigitizer(**how), CaptureOptions(tmp_path, SETTINGS), live=False, clock=lambda: now[0])
+    capture = Capture(
+        FakeDigitizer(**how), CaptureOptions(tmp_path, SETTINGS), live=False, machine=Acquisition(lambda: now[0])
+    )
     thread = capture._capture
     thread._watch()
     if samples_came:

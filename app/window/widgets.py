@@ -77,19 +77,38 @@ def text_label(
     bold: bool = False,
     size: float = 1.0,
     selectable: bool = False,
-    elide: Qt.TextElideMode = Qt.TextElideMode.ElideNone,
-    least: str = "",
 ) -> TextLabel:
     """Return a label; ``faint`` and ``heading`` are styles of the style sheet, ``selectable`` text can be copied.
 
-    ``size`` is relative to the parent's font.  With ``elide`` it is an ElidedLabel, shortened there.
+    ``size`` is relative to the parent's font.
     """
-    label = TextLabel(parent) if elide is Qt.TextElideMode.ElideNone else ElidedLabel(parent, elide, least)
-    label.setText(text)
+    label = _styled(TextLabel(parent), text, {"faint": faint, "heading": heading}, bold, size, selectable)
     label.setWordWrap(wrap)
+    return label
+
+
+def elided_label(
+    text: str,
+    parent: QWidget,
+    elide: Qt.TextElideMode,
+    *,
+    least: str = "",
+    faint: bool = False,
+    bold: bool = False,
+    size: float = 1.0,
+    selectable: bool = False,
+) -> TextLabel:
+    """Return a label of one line that is shortened to its width, with the styles of ``text_label``."""
+    return _styled(ElidedLabel(parent, elide, least), text, {"faint": faint}, bold, size, selectable)
+
+
+def _styled(
+    label: TextLabel, text: str, styles: dict[str, bool], bold: bool, size: float, selectable: bool
+) -> TextLabel:
+    label.setText(text)
     if bold or size != 1.0:
         label.setFont(sized(label.font(), size, bold))
-    for name, on in (("faint", faint), ("heading", heading)):
+    for name, on in styles.items():
         if on:
             label.setProperty(name, True)
     if selectable:

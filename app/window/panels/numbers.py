@@ -11,7 +11,16 @@ from analysis.shot import Quantity, Reading, Shot, flags_affecting
 from analysis.uncertainty import Group, ResultNumber, combined_uncertainties, shown_numbers, with_combined_uncertainty
 from app.window.state_words import flag_line, flag_tone
 from app.window.theme import MARKS, Colours, Themed, Tone
-from app.window.widgets import FoldButton, add_row, push_button, set_tone, show_toned, text_label, vertical
+from app.window.widgets import (
+    FoldButton,
+    add_row,
+    elided_label,
+    push_button,
+    set_tone,
+    show_toned,
+    text_label,
+    vertical,
+)
 from app.words import (
     COMBINED,
     NOISE_ONLY,
@@ -71,7 +80,7 @@ class NumbersPanel(Themed, QScrollArea):
         column = vertical(inner, (10, 4, 8, 4))
         # elided in the middle, because names of shots differ at their end
         middle = Qt.TextElideMode.ElideMiddle
-        self.title = text_label("No shot", inner, selectable=True, bold=True, size=1.25, elide=middle)
+        self.title = elided_label("No shot", inner, middle, selectable=True, bold=True, size=1.25)
         self.budget = push_button("Budget", "Where each ± comes from, source by source  (B)", inner)
         add_row(column, self.title, self.budget)
         self.noise_only = QCheckBox("± from noise only", inner)

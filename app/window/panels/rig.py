@@ -7,7 +7,7 @@ from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QWidget
 
 from app.window.theme import MARKS, Colours, Themed, Tone, sized
-from app.window.widgets import added, combo_box, fill_box, horizontal, push_button, set_tone, text_label
+from app.window.widgets import added, combo_box, elided_label, fill_box, horizontal, push_button, set_tone, text_label
 from app.words import counted
 
 
@@ -196,7 +196,7 @@ class SignalLine(QFrame):
             row.addSpacing(4)
             self._marks[name], self.values[name] = mark, value
         middle, least = Qt.TextElideMode.ElideMiddle, "saving to /home …/data"
-        self._folder = added(row, text_label("", self, faint=True, selectable=True, elide=middle, least=least), 1)
+        self._folder = added(row, elided_label("", self, middle, least=least, faint=True, selectable=True), 1)
         for name, _, _ in TILES:
             self.show_tile(name, TileText("–", Tone.NEUTRAL))
 

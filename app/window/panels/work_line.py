@@ -13,7 +13,16 @@ from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar
 
 from app.session import Job, Jobs
 from app.window.theme import MARKS, Colours, Themed, Tone
-from app.window.widgets import Sheet, added, horizontal, hover_text, keep_place, push_button, set_tone, text_label
+from app.window.widgets import (
+    Sheet,
+    added,
+    elided_label,
+    horizontal,
+    hover_text,
+    keep_place,
+    push_button,
+    set_tone,
+)
 
 KEPT = 20
 LISTED = 200  # most messages in the list
@@ -42,7 +51,7 @@ class NoticeLine(QFrame):
         self._notices: list[Notice] = []
         self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
         row = horizontal(self, (12, 0, 4, 0))
-        self._words = text_label("", self, selectable=True, bold=True, elide=Qt.TextElideMode.ElideRight)
+        self._words = elided_label("", self, Qt.TextElideMode.ElideRight, selectable=True, bold=True)
         self._words.setAccessibleName("Newest message")
         self._do = push_button("Do it", "Do what the message offers", self, self._done)
         self._close = push_button("Dismiss", "Dismiss this message", self, self.next)

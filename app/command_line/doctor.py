@@ -70,7 +70,7 @@ def _kernels() -> Check:
     size = sum(file.stat().st_size for file in folder.rglob("*.nb*")) / 1e6
     if complete():
         return Check("compiled code", Grade.OK, f"complete, {size:.0f} MB in {folder}")
-    return Check("compiled code", Grade.OK, f"not complete, {size:.0f} MB in {folder}; levimass --prepare completes it")
+    return Check("compiled code", Grade.OK, f"not complete, {size:.0f} MB in {folder}; levimass prepare completes it")
 
 
 def _qt() -> Check:

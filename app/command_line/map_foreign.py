@@ -1,4 +1,4 @@
-"""``levimass --map``: list the channels of a foreign file, or save the roles of its channels."""
+"""``levimass map``: list the channels of a foreign file, or save the roles of its channels."""
 
 import shlex
 from collections.abc import Sequence
@@ -181,7 +181,7 @@ def _listing(contents: ForeignContents) -> str:
         more = "" if contents.channels[0].sample_rate_hz else " --rate HZ"
         lines.append("no mapping is saved; assign the channels, for example")
         path, mass = shlex.quote(str(contents.path)), PAPER.block_mass_kg
-        lines.append(f"  levimass --map {path} --channel measurement={name} --mass {mass} --rest 2.73e6{more}")
+        lines.append(f"  levimass map {path} --channel measurement={name} --mass {mass} --rest 2.73e6{more}")
         lines += _positions(contents)
     return "\n".join(lines)
 
@@ -196,7 +196,7 @@ def _positions(contents: ForeignContents) -> list[str]:
     one_body, paper, drive = (BASE_MODELS[base].in_record for base in (ONE_BODY, PAPER_MODEL, DRIVE))
     return [
         "are these positions, not beats? Then name the displacement column (and its unit: m, mm, um or nm)",
-        f"  levimass --map {shlex.quote(str(table))} --channel displacement={name}{unit} --mass 0.1",
+        f"  levimass map {shlex.quote(str(table))} --channel displacement={name}{unit} --mass 0.1",
         "or make it a motion record: name its columns time_s and displacement_m (or",
         f"velocity_m_per_s, force_n), and write {table.with_suffix('.toml').name} beside it, for example",
         f'  model = "{one_body}"        # or "{paper}" (two bodies), "{drive}" (a slider under the measured force_n)',

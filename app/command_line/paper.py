@@ -1,4 +1,4 @@
-"""``levimass --paper``: compare the paper's numbers with this program's, and draw the paper's figures 4 to 7."""
+"""``levimass paper``: compare the paper's numbers with this program's, and draw the paper's figures 4 to 7."""
 
 import os
 import textwrap

@@ -1,4 +1,4 @@
-"""``levimass --replay``: analyse and diagnose recordings, plan next shots, write results and reports."""
+"""``levimass replay``: analyse and diagnose recordings, plan next shots, write results and reports."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace

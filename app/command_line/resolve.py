@@ -1,4 +1,4 @@
-"""``levimass --acquire N --resolve M``: take N shots, diagnose them, take up to M more that decide the diagnosis."""
+"""``levimass acquire N --resolve M``: take N shots, diagnose them, take up to M more that decide the diagnosis."""
 
 from collections.abc import Sequence
 from pathlib import Path

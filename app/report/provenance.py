@@ -71,7 +71,7 @@ def repeated_by(shot: Shot, tried: Collection[Effect] = ()) -> Markup:
         rows.append(["file", shot.path])
         rows += _hash(shot.path)
         model = "model.toml" if shot.settings.effects else shot.settings.model
-        command = f"levimass --replay '{Path(shot.path).name}' --model {model} --report report.html"
+        command = f"levimass replay '{Path(shot.path).name}' --model {model} --report report.html"
         rows.append(["command", tag("code", command)])
         if shot.settings.effects and shot.fit is not None:
             text = to_text(saved(shot.fit, [shot.path], tried=tried))

@@ -148,9 +148,7 @@ class NiscopeCard(TriggeredDigitizer[str]):
     def _described(self, error: Exception) -> DigitizerError:
         if type(error).__name__ in ("DriverNotInstalledError", "DriverTooOldError"):
             return DigitizerError("the NI-SCOPE runtime is not installed", RUNTIME_REMEDY)
-        return DigitizerError(
-            f"{self._resource}: {error_words(error)}", "check the name in NI MAX, or levimass --doctor"
-        )
+        return DigitizerError(f"{self._resource}: {error_words(error)}", "check the name in NI MAX, or levimass doctor")
 
 
 def open_digitizer(resource: str, options: SourceOptions) -> NiscopeCard:

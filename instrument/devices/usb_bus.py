@@ -14,7 +14,7 @@ import usb.util
 from instrument.devices.digitizer import DigitizerError
 
 PERMISSION_REMEDY = (
-    "install the udev rule (levimass --doctor shows how), then unplug the device and plug it in again"
+    "install the udev rule (levimass doctor shows how), then unplug the device and plug it in again"
     if sys.platform.startswith("linux")
     else "give the device the WinUSB driver with Zadig (Windows), or close the program that holds it"
 )

@@ -79,7 +79,7 @@ def read_motion(path: Path | str) -> MotionRecord:
     about = table.with_suffix(".toml")
     if table.exists() and not about.exists():
         cause = f"neither {about.name} (of a motion record) nor a mapping (of raw beats) says what it is"
-        raise RecordingError(table, f"{cause}; 'levimass --map {table.name}' shows how to give either")
+        raise RecordingError(table, f"{cause}; 'levimass map {table.name}' shows how to give either")
     head = CheckedTable(about, read_toml(about))
     model = head.text("model")
     if model not in _BASES:

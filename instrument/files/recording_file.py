@@ -246,4 +246,4 @@ def _why_no_recording(folder: Path) -> str:
 
 
 def _advice(path: Path) -> str:
-    return f"'levimass --map {path.name}' lists them and shows how to say it"
+    return f"'levimass map {path.name}' lists them and shows how to say it"

@@ -92,7 +92,7 @@ def test_what_cannot_be_read_is_refused_and_not_remembered(tmp_path: Path, capsy
     assert main(["--map", str(tmp_path / "no.tdms")]) == 1
     assert main(["--replay", str(table), "--no-diagnose"]) == 1
     lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 4 and "levimass --map t.csv" in lines[3]
+    assert len(lines) == 4 and "levimass map t.csv" in lines[3]
     assert list(tmp_path.iterdir()) == [table]
     assert main(["--mass", "1"]) == 2 and main(["--replay", "x", "--hdf5"]) == 2
 

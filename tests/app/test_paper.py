@@ -1,4 +1,4 @@
-"""``levimass --paper`` without a screen: the table, the result file, the figures, and clear failures."""
+"""``levimass paper`` without a screen: the table, the result file, the figures, and clear failures."""
 
 import json
 import os

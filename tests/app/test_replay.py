@@ -1,4 +1,4 @@
-"""``levimass --replay`` as a script uses it: good shots analysed, bad ones named in one line, never a traceback."""
+"""``levimass replay`` as a script uses it: good shots analysed, bad ones named in one line, never a traceback."""
 
 import csv
 import json

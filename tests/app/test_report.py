@@ -245,7 +245,7 @@ def test_report_of_a_replay_names_the_very_data(recordings: Path, tmp_path: Path
     text = Elements(page).text
     assert sha in text and "as written when the shot was taken" in text
     assert "&lt;b&gt;bold" in page and "<b>bold" not in page
-    assert "channel 1, reference" in text and "levimass --replay 'shot-1.sigmf-meta'" in text
+    assert "channel 1, reference" in text and "levimass replay 'shot-1.sigmf-meta'" in text
 
 
 def test_a_report_that_cannot_be_written_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

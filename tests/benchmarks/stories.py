@@ -164,7 +164,7 @@ def stories() -> Sequence[tuple[str, str, str, Diagnosis]]:
     lead = (
         "Eddy currents brake the block. Their coefficient, 0.4 mN s/m at the plate, falls by a factor e every 1.2 mm. "
         f"The operator suspects this, writes `brake.toml`:\n\n```toml\n{TYPED}```\n\n"
-        "and calls `levimass --replay shots --law brake.toml`."
+        "and calls `levimass replay shots --law brake.toml`."
     )
     out.append(("A law typed by hand", "closed-loop-typed.svg", lead, typed()))
     if (SHARED / "measured").is_dir():

@@ -231,9 +231,9 @@ def test_a_remembered_mapping_makes_a_file_a_shot(volts: Volts, tmp_path: Path) 
     write_wav(second, volts)
     (tmp_path / "notes.csv").write_text("a,b\n1,2\n3,4\n")
     assert find_recordings([tmp_path]) == [tmp_path]
-    with pytest.raises(RecordingError, match=r"levimass --map notes\.csv"):
+    with pytest.raises(RecordingError, match=r"levimass map notes\.csv"):
         open_recording(tmp_path)
-    advice = "'levimass --map shot-2.wav' lists them and shows how to say it"
+    advice = "'levimass map shot-2.wav' lists them and shows how to say it"
     line = f"{first}: nothing says which of its channels is which; {advice}"
     with pytest.raises(RecordingError, match=re.escape(line)):
         open_recording(first)

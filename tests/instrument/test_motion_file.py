@@ -97,7 +97,7 @@ def test_numbers_are_read_up_to_what_a_rig_can_give(tmp_path: Path) -> None:
     assert read_motion(tmp_path / "t.toml").path == str(tmp_path / "t.tsv")
     lone = tmp_path / "lone.csv"
     lone.write_text("a\n")
-    with pytest.raises(RecordingError, match=r"neither lone.toml .* nor a mapping .*'levimass --map lone.csv'"):
+    with pytest.raises(RecordingError, match=r"neither lone.toml .* nor a mapping .*'levimass map lone.csv'"):
         read_motion(lone)
 
 

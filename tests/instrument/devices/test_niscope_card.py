@@ -287,7 +287,7 @@ def test_a_wait_for_the_trigger_returns_in_time_and_ends_with_a_stop() -> None:
         (
             "DriverError",
             "the device\n is  busy",
-            "Dev7: the device is busy: check the name in NI MAX, or levimass --doctor",
+            "Dev7: the device is busy: check the name in NI MAX, or levimass doctor",
         ),
         ("DriverError", "", "Dev7: DriverError: check the name in NI MAX"),
     ],

@@ -201,7 +201,7 @@ def apart() -> dict:
 
 
 def hang() -> dict:
-    """A control request of opening, arming or stopping is never answered, under ``levimass --acquire``."""
+    """A control request of opening, arming or stopping is never answered, under ``levimass acquire``."""
     bed = Testbed()
     acquire.MIN_ARMING_S = device_process.END_S = timeout_s = 1.0
     ended = {}

@@ -1,5 +1,6 @@
 """Recording shots without a screen: each saved and reported once, and one line that says why it ended."""
 
+import threading
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from instrument.capture.capture import RESCUED, AcquireError, acquire
 from instrument.devices.digitizer import Block, DigitizerError
 from instrument.files.recording_file import read_recording
 from tests.instrument.capturing import SETTINGS, assert_true_samples
-from tests.instrument.fake_digitizer import CHANNELS, FakeDigitizer
+from tests.instrument.fake_digitizer import CHANNELS, FIRST, FakeDigitizer
 from tests.instrument.test_capture_disk import FullDisk
 
 
@@ -63,11 +64,19 @@ def test_a_trigger_that_does_not_come_in_time_and_a_device_that_fails_are_one_li
 def test_the_shot_under_way_when_a_device_fails_is_among_those_saved(
     at: int, flags: tuple[str, ...], full: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    armed, arm = threading.Event(), module.Capture.arm
+
+    def arms(capture: module.Capture, *, automatic: bool = False) -> None:
+        arm(capture, automatic=automatic)
+        armed.set()
+
     def unplugged(fake: FakeDigitizer, now: int) -> Block | None:
         if now >= at:
             raise DigitizerError("unplugged", "plug it in")
-        return None
+        # on a busy machine the light switch would fire, and the device fail, before anyone has armed
+        return Block(0) if now >= FIRST - 10_000 and not armed.is_set() else None
 
+    monkeypatch.setattr(module.Capture, "arm", arms)
     monkeypatch.setattr(module, "_LOOK_S", 0.1)
     monkeypatch.setattr(Path, "home", lambda: tmp_path)
     if full:

@@ -8,24 +8,18 @@ from typing import TYPE_CHECKING
 from analysis.collision import Effect
 from analysis.diagnosis import Verdict
 from analysis.shot import Role
-from levimass import is_drive
+from levimass import BASE_MODELS
 
 if TYPE_CHECKING:
     from analysis.drive import Repeatability
 
 PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
 CHANNEL_NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
-_BASE_WORDS = {
-    "paper": "paper model",
-    "clamped": "clamped plate",
-    "no_tension": "paper model without tensile contact force",
-    "contact": "one body on a contact",
-}
 
 
 def base_words(base: str) -> str:
     """Return the name of a base model in words."""
-    return "driven slider" if is_drive(base) else _BASE_WORDS.get(base, base)
+    return BASE_MODELS[base].words if base in BASE_MODELS else base
 
 
 def model_in_words(base: str, effects: Collection[Effect], tried: Collection[Effect] = ()) -> str:

@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from functools import partial
 
 from analysis.fitted import fit_pending
-from analysis.shot import AnalysisError, Cancelled, Progress, Recording, Shot
+from analysis.shot import AnalysisError, Cancelled, Progress, Recording, Shot, Stop
 from instrument.files import one_line
 
-Stop = Callable[[], bool]
 Analyse = Callable[[Recording, Progress, Stop], Shot]  # (recording, progress, cancelled?) -> shot
 Fit = Callable[[Shot, Progress, Stop], Shot]
 Done = Callable[[int, Shot | None, str | None], None]  # (key, shot, problem)

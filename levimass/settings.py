@@ -137,7 +137,7 @@ BASE_MODELS: Mapping[str, BaseModel] = {
     model.name: model
     for model in (
         BaseModel(PAPER_MODEL, "paper (two bodies)", "paper model", "plate", "block and plate"),
-        BaseModel("clamped", "damping clamped", "clamped plate"),
+        BaseModel("clamped", "damping clamped", "paper model, no damping while separating"),
         BaseModel("no_tension", "no tension", "paper model without tensile contact force"),
         BaseModel(ONE_BODY, "one body on a spring", "one body on a contact", "contact", "one body, spring", True),
         BaseModel(DRIVE, "driven slider", "driven slider", "driven", one_body=True),

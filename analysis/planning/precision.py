@@ -72,7 +72,7 @@ def plan_precision(
     names = [problem.names[place][0] for place in shared]
     if parameter != ALL and parameter not in names:
         raise AnalysisError(f"no shared parameter is called {parameter!r}; there are {', '.join(names)}")
-    slope = problem.slope(fitted.z)[np.ix_(shared, shared)]
+    slope = problem.slopes(fitted.z)[0, : len(shared), : len(shared)]
     row = None if parameter == ALL else slope[names.index(parameter)]
     samples, floor = problem.data.shots, fitted.noise
     known = present_information(fitted, floor).curvature

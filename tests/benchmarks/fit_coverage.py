@@ -66,7 +66,7 @@ def _bound(white_m: float, wander: tuple[float, float] = (0.0, 1e-2)) -> dict[st
     z = problem.pack(Point(np.array([*TRUTH.values()]), own, ({},)))
     inverse = problem.square(z).covariance()
     assert inverse is not None
-    slope = problem.slope(z)
+    slope = problem.slopes(z)[0]  # one shot: its places are the vector
     std = np.sqrt(np.diag(slope @ inverse @ slope.T))
     return {name: float(std[place]) for place, name in enumerate(TRUTH)}
 

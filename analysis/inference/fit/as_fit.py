@@ -8,6 +8,7 @@ import numpy as np
 
 from analysis.collision import Effect, Parameter
 from analysis.inference.fit.base import OWN_NAMES
+from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.response import Response
 from analysis.inference.fit.samples import Samples
@@ -39,22 +40,25 @@ def effect_parameters(fitted: Fitted) -> dict[Effect, dict[str, Quantity]]:
 
 @dataclass(frozen=True, slots=True)
 class _Estimate:
-    """Values of a problem's parameters, shape (p,), and their covariance, shape (p, p), NaN if unknown.
+    """A problem's parameters at ``point`` and their covariance.
 
-    ``how`` is the name of the method in reports.
+    ``values``, shape (p,), are in the vector's order.  ``covariances``, shape (shots, q, q), are in the order of each
+    shot's ``places``, NaN if unknown.  ``how`` is the name of the method in reports.
     """
 
     problem: Problem
+    point: Point
     values: Floats
-    covariance: Floats
+    covariances: Floats
     how: str
 
     def quantities(self, shot: int) -> dict[str, Quantity]:
         """Return the parameters of one shot, or of ``_ALL_SHOTS``, by name."""
-        std = np.sqrt(np.diag(self.covariance))
+        std = np.sqrt(np.diag(self.covariances[max(shot, 0)]))
+        named = [(self.problem.names[place], place) for place in self.problem.places[max(shot, 0)]]
         return {
-            name: Quantity(float(self.values[place]), float(std[place]), self.how)
-            for place, (name, of) in enumerate(self.problem.names)
+            name: Quantity(float(self.values[place]), float(one), self.how)
+            for ((name, of), place), one in zip(named, std, strict=True)
             if of == shot
         }
 
@@ -78,12 +82,14 @@ def as_fit(
     """
     problem = fitted.problem
     birge = max(1.0, chi2 / max(1, fitted.samples - problem.size))
-    estimate = _Estimate(problem, problem.flat(fitted.point), birge * fitted.covariance, how)
+    point, covariances = fitted.point, birge * fitted.covariances
+    estimate = _Estimate(problem, point, problem.flat(point), covariances, how)
     whitened, lines = fitted.whitened(by), problem.derivatives(fitted.z)
     chosen = {f"{effect.key}.{key}": v for effect, given in problem.fixed.items() for key, v in given.items()}
     parameters = estimate.quantities(_ALL_SHOTS)
     parameters |= {name: Quantity(value, 0.0, "chosen") for name, value in chosen.items()}
-    converged = fitted.converged and bool(np.all(np.isfinite(np.diag(estimate.covariance))))
+    converged = fitted.converged and bool(np.all(np.isfinite(np.einsum("ijj->ij", covariances))))
+    shared = len(problem.shared)
     shots = [
         _shot_fit(fitted, estimate, index, motion, white, line[1])
         for index, (motion, white, line) in enumerate(zip(motions, whitened, lines, strict=True))
@@ -92,7 +98,7 @@ def as_fit(
     return Fit(
         model=model,
         parameters=parameters,
-        covariance=np.pad(estimate.covariance[np.ix_(problem.shared, problem.shared)], (0, len(chosen))),
+        covariance=np.pad(covariances[0, :shared, :shared], (0, len(chosen))),
         shots=tuple(shots),
         reduced_chi2=chi2_by_noise / max(1, fitted.samples - problem.size),
         noise_std_m=_sample_noise_m(fitted),
@@ -117,16 +123,16 @@ def _shot_fit(
     by the fit's parameters.
     """
     problem, noise = fitted.problem, fitted.noise
-    shot, places = problem.data.shots[index], problem.places[index]
-    response = problem.run(index, fitted.point)
-    released = problem.run(index, fitted.point, coarse=True, derivatives=True).velocity_out
+    shot = problem.data.shots[index]
+    response = problem.run(index, estimate.point)
+    released = problem.run(index, estimate.point, coarse=True, derivatives=True).velocity_out
     own = estimate.quantities(index)
     velocity_in, touch_time, offset = (own.pop(name) for name in OWN_NAMES)
     before, after = _frame_m_per_s(shot, noise)
     velocity_out = Quantity(math.nan, math.nan, "the record ends in contact")
     if released is not None:
         value, slope = released
-        variance = float(slope @ estimate.covariance[np.ix_(places, places)] @ slope)
+        variance = float(slope @ estimate.covariances[index] @ slope)
         velocity_out = Quantity(value, math.hypot(math.sqrt(max(variance, 0.0)), after), estimate.how)
     # the model's speeds are relative to the frame; speeds read from a motion are in space
     velocity_in = replace(velocity_in, std=math.hypot(velocity_in.std, before))
@@ -137,7 +143,7 @@ def _shot_fit(
         offset_m=offset,
         overlay=_overlay(motion, response, touch_time.value),
         residual_m=np.where(shot.used, motion.displacement_m - response.displacement_m, np.nan),
-        reduced_chi2=float(whitened @ whitened) / max(1, whitened.size - places.size),
+        reduced_chi2=float(whitened @ whitened) / max(1, whitened.size - problem.places.shape[1]),
         own_parameters=own,
         rings=_has_transient_excess(whitened),
         sway_std_m=_sway_left_std_m(shot, noise, derivatives) if shot.sway is not None else None,

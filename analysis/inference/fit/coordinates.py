@@ -18,33 +18,43 @@ from analysis.collision import Floats, Infeasible
 
 @dataclass(frozen=True, slots=True)
 class Coordinates:
-    """The map between parameters (shared, then each shot's own and extra ones) and search coordinates.
+    """The map between parameters and search coordinates.
 
-    If ``plate``, the first four parameters are those of plate and contact; else they are not transformed.
-    ``further_at`` are the indices of further plates' stiffnesses; each mass follows its stiffness.  ``own_at`` are the
-    indices at which each shot's (v_i, touch time, offset) begin; ``reference_s`` are the expected touch times.
+    If ``plate``, the first four base parameters are those of plate and contact; else none is transformed.
+    ``further_at`` are the indices of further plates' stiffnesses; each mass follows its stiffness.  ``reference_s``,
+    shape (shots,), are the expected touch times.
     """
 
     block_mass_kg: float
     plate: bool
-    own_at: tuple[int, ...]
-    reference_s: tuple[float, ...]
+    reference_s: Floats
     further_at: tuple[int, ...] = ()
 
-    def to_search(self, parameters: Floats) -> Floats:
-        """Return the coordinates of ``parameters``, shape (p,)."""
-        z = parameters.copy()
+    def base_to_search(self, base: Floats) -> Floats:
+        """Return the coordinates of base parameters, shape (b,)."""
+        z = base.copy()
         if self.plate:
-            _, m_p, k_n, gamma_n = (float(value) for value in parameters[:4])
+            _, m_p, k_n, gamma_n = (float(value) for value in base[:4])
             z[2:4] = [math.log(k_n / m_p), gamma_n / m_p]
             for at in (0, *self.further_at):
-                z[at : at + 2] = self._searched(float(parameters[at]), float(parameters[at + 1]), k_n)
-        for at, reference in zip(self.own_at, self.reference_s, strict=True):
-            z[at + 2] = parameters[at + 2] + parameters[at] * (reference - parameters[at + 1])
+                z[at : at + 2] = self._searched(float(base[at]), float(base[at + 1]), k_n)
         return z
 
-    def to_parameters(self, z: Floats) -> tuple[Floats, Floats]:
-        """Return the parameters at ``z`` and their derivatives by ``z``, shape (p, p); Infeasible out of range."""
+    def own_to_search(self, own: Floats) -> Floats:
+        """Return the coordinates of each shot's (v_i, touch time, offset), shape (shots, 3)."""
+        velocity, touch_s, offset = own.T
+        return np.stack([velocity, touch_s, offset + velocity * (self.reference_s - touch_s)], axis=1)
+
+    def own_parameters(self, z: Floats) -> tuple[Floats, Floats]:
+        """Return each shot's parameters at ``z``, shape (shots, 3), and their derivatives, shape (shots, 3, 3)."""
+        velocity, touch_s, height = z.T
+        ahead_s = self.reference_s - touch_s
+        slope = np.tile(np.eye(3), (len(z), 1, 1))
+        slope[:, 2, 0], slope[:, 2, 1] = -ahead_s, velocity
+        return np.stack([velocity, touch_s, height - velocity * ahead_s], axis=1), slope
+
+    def base_parameters(self, z: Floats) -> tuple[Floats, Floats]:
+        """Return the base parameters at ``z``, shape (b,), and their derivatives, (b, b); Infeasible out of range."""
         out = z.copy()
         slope = np.eye(z.size)
         if self.plate:
@@ -60,11 +70,6 @@ class Coordinates:
                 )
                 slope[at + 1, at + 1] = out[at + 1]
                 slope[at, 1:3] += by_contact * k_n
-        for at, reference in zip(self.own_at, self.reference_s, strict=True):
-            ahead = reference - z[at + 1]
-            out[at + 2] = z[at + 2] - z[at] * ahead
-            slope[at + 2, at] = -ahead
-            slope[at + 2, at + 1] = z[at]
         return out, slope
 
     def _searched(self, k_p: float, m_p: float, k_n: float) -> tuple[float, float]:

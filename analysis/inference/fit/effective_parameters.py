@@ -52,26 +52,25 @@ def to_physical(effective: Point) -> Point:
     return clamp.put(effective, own, effective.base[0] / left, clamp.swing * math.sqrt(left))
 
 
-def physical_derivatives(
-    effective: Point, seen: Floats, at: Mapping[tuple[Effect, str], int], touches: list[int]
-) -> Floats:
-    """Return the derivatives of physical parameters, given those of the effective ones (``seen``).
+def physical_derivatives(effective: Point, seen: Floats, at: Mapping[tuple[Effect, str], int], touch: int) -> Floats:
+    """Return the derivatives of each shot's physical parameters, given those of the effective ones (``seen``).
 
-    Both have shape (p, k), one row per parameter.  ``at`` holds the row of each (effect, parameter), ``touches`` the
-    rows of the touch times.
+    Both have shape (shots, p, k), one row per parameter of a shot.  ``at`` holds the row of each shared (effect,
+    parameter), ``touch`` is the row of the touch time.
     """
     out = seen.copy()
     for (effect, parameter), place in at.items():
         if parameter == effect.delay_parameter:
-            out[touches] -= seen[place]
+            out[:, touch] -= seen[:, place]
     clamp = _clamp(effective.values[0])
     if clamp is not None and (soft := at.get((clamp.effect, clamp.compliance))) is not None:
         fast = at[clamp.effect, clamp.frequency]
         stiffness, left = float(effective.base[0]), clamp.left(effective.base[0])
         root = math.sqrt(left)
         by_left = -0.5 * clamp.swing / root
-        out[0] = seen[0] / left**2 + (stiffness / left) ** 2 * seen[soft]
-        out[fast] = by_left * (clamp.softness * seen[0] + stiffness * seen[soft]) + root * seen[fast]
+        out[:, 0] = seen[:, 0] / left**2 + (stiffness / left) ** 2 * seen[:, soft]
+        by_clamp = by_left * (clamp.softness * seen[:, 0] + stiffness * seen[:, soft])
+        out[:, fast] = by_clamp + root * seen[:, fast]
     return out
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -181,16 +182,19 @@ class Fitted(ModelAtVector):
         """Get the effects."""
         return tuple(kind.effect for kind in self.problem.effects)
 
-    @property
-    def covariance(self) -> Floats:
-        """Get the covariance of the parameters, in the vector's order."""
-        slope = self.problem.slope(self.z)
-        return np.asarray(slope @ self.inverse @ slope.T)
+    @cached_property
+    def covariances(self) -> Floats:
+        """Get the covariance of the parameters of each shot, in the order of its ``places``, shape (shots, q, q)."""
+        slopes, places = self.problem.slopes(self.z), self.problem.places
+        inverses = self.inverse[places[:, :, None], places[:, None, :]]
+        return np.asarray(slopes @ inverses @ slopes.transpose(0, 2, 1))
 
     @property
     def std(self) -> Floats:
         """Get the standard deviations of the parameters, in the vector's order."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        out = np.empty(self.problem.size)
+        out[self.problem.places] = np.sqrt(np.maximum(np.einsum("ijj->ij", self.covariances), 0.0))
+        return out
 
     @property
     def samples(self) -> int:

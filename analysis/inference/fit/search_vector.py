@@ -59,17 +59,17 @@ class SearchVector:
         return [place for place, (_, shot) in enumerate(self.names) if shot < 0]
 
     @cached_property
-    def places(self) -> tuple[Places, ...]:
-        """Get the indices of the parameters that each shot depends on: shared ones, then its own; shape (q,)."""
+    def places(self) -> Places:
+        """Get the indices of the parameters that each shot depends on: shared ones, then its own; shape (shots, q)."""
         own: list[list[int]] = [[] for _ in self.data.shots]
         for place, (_, shot) in enumerate(self.names):
             if shot >= 0:
                 own[shot].append(place)
-        return tuple(np.array([*self.shared, *mine], dtype=np.intp) for mine in own)
+        return np.array([[*self.shared, *mine] for mine in own], dtype=np.intp)
 
     def arrow(self, blocks: Sequence[Floats]) -> Arrow:
         """Return a block-arrow matrix from each shot's columns, shape (n, q), ordered as the shot's ``places``."""
-        return Arrow(tuple(blocks), len(self.shared), self.places, self.size)
+        return Arrow(tuple(blocks), len(self.shared), tuple(self.places), self.size)
 
     @cached_property
     def unseen(self) -> list[int]:
@@ -95,8 +95,7 @@ class SearchVector:
         return Coordinates(
             block_mass_kg=self.data.reference_mass_kg or shots[0].moving_mass_kg,
             plate=not self.data.base.one_body,
-            own_at=tuple(self.data.count + 3 * i for i in range(len(shots))),
-            reference_s=tuple(shot.course.touch_time_s for shot in shots),
+            reference_s=np.array([shot.course.touch_time_s for shot in shots]),
             further_at=self.data.base.further_at,
         )
 
@@ -106,33 +105,40 @@ class SearchVector:
 
     def pack_effective(self, effective: Point) -> Floats:
         """Return the search vector of a point that is given in effective parameters."""
-        z = np.empty(self.size)
-        z[: self.offset] = self.coordinates.to_search(np.concatenate([effective.base, effective.own.ravel()]))
-        for k, (effect, free, shot) in enumerate(self.free_parameters):
-            z[self.offset + k] = free.to_search(effective.values[max(shot, 0)][effect][free.name])
-        return z
+        values = effective.values
+        free = [one.to_search(values[max(shot, 0)][effect][one.name]) for effect, one, shot in self.free_parameters]
+        base, own = self.coordinates.base_to_search(effective.base), self.coordinates.own_to_search(effective.own)
+        return np.concatenate([base, own.ravel(), free])
 
     def unpack(self, z: Floats) -> Point:
         """Return the physical parameters of a search vector; Infeasible if it is out of range."""
-        return to_physical(self._effective(z)[0])
+        return to_physical(self._effective(z))
 
-    def slope(self, z: Floats) -> Floats:
-        """Return the derivatives of the physical parameters by the vector's entries, shape (size, size)."""
-        effective, of_base = self._effective(z)
-        of_free = [free.slope(float(z[self.offset + k])) for k, (_, free, _) in enumerate(self.free_parameters)]
-        out = np.diag([1.0] * self.offset + of_free)
-        out[: self.offset, : self.offset] = of_base
-        shared = {
-            (effect, free.name): self.offset + k
-            for k, (effect, free, shot) in enumerate(self.free_parameters)
-            if shot < 0
-        }
-        touches = [self.data.count + 3 * i + 1 for i in range(len(self.data.shots))]
-        return physical_derivatives(effective, out, shared, touches)
+    def slopes(self, z: Floats) -> Floats:
+        """Return the derivatives of each shot's physical parameters by the vector's entries, shape (shots, q, q).
 
-    def _effective(self, z: Floats) -> tuple[Point, Floats]:
-        """Return a vector's effective parameters, and the derivatives of base and per-shot ones by it."""
-        parameters, of_base = self.coordinates.to_parameters(z[: self.offset])
+        Both are in the order of the shot's ``places``; other entries do not change them.
+        """
+        base, of_base = self.coordinates.base_parameters(z[: self.data.count])
+        _, of_own = self.coordinates.own_parameters(z[self.data.count : self.offset].reshape(-1, 3))
+        shared, count = len(self.shared), self.places.shape[1]
+        of_each = np.ones(self.size)
+        of_each[self.offset :] = [
+            free.slope(float(z[k])) for k, (_, free, _) in enumerate(self.free_parameters, self.offset)
+        ]
+        out = np.zeros((len(self.places), count, count))
+        out[:, np.arange(count), np.arange(count)] = of_each[self.places]
+        out[:, : base.size, : base.size] = of_base
+        own = slice(shared, shared + len(OWN_NAMES))
+        out[:, own, own] = of_own
+        of_all = [(effect, free.name) for effect, free, shot in self.free_parameters if shot < 0]
+        at = {parameter: base.size + k for k, parameter in enumerate(of_all)}
+        return physical_derivatives(self._effective(z), out, at, shared + OWN_NAMES.index("touch_time_s"))
+
+    def _effective(self, z: Floats) -> Point:
+        """Return a vector's effective parameters."""
+        base, _ = self.coordinates.base_parameters(z[: self.data.count])
+        own, _ = self.coordinates.own_parameters(z[self.data.count : self.offset].reshape(-1, 3))
         values: list[dict[Effect, dict[str, float]]] = []
         for _ in self.data.shots:
             values.append({kind.effect: dict(self.fixed.get(kind.effect, {})) for kind in self.effects})
@@ -140,8 +146,7 @@ class SearchVector:
             value = free.to_value(float(z[self.offset + k]))
             for index in range(len(values)) if shot < 0 else (shot,):
                 values[index][effect][free.name] = value
-        own = parameters[self.data.count :].reshape(-1, 3)
-        return Point(parameters[: self.data.count], own, tuple(values)), of_base
+        return Point(base, own, tuple(values))
 
     @property
     def bounds(self) -> tuple[Floats, Floats]:

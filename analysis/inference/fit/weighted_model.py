@@ -111,8 +111,8 @@ class WeightedModel(SearchVector):
         known = None if laws else self._lately.get(z.tobytes())
         if known is not None:
             return known
-        point, slope = self.unpack(z), self.slope(z)
-        lines = side_by_side(lambda i: self._line(i, point, slope, laws), range(len(self.data.shots)))
+        point, slopes = self.unpack(z), self.slopes(z)
+        lines = side_by_side(lambda i: self._line(i, point, slopes[i], laws), range(len(self.data.shots)))
         if not laws:
             self.remember(z, lines)
         return lines
@@ -125,15 +125,14 @@ class WeightedModel(SearchVector):
 
     def of_shot(self, index: int, z: Floats) -> tuple[Floats, Floats]:
         """Return one shot's averaged displacement, shape (n,), and its derivatives by its ``places``, (n, q)."""
-        return self._line(index, self.unpack(z), self.slope(z))
+        return self._line(index, self.unpack(z), self.slopes(z)[index])
 
     def _line(self, index: int, point: Point, slope: Floats, laws: Sequence[Effect] = ()) -> tuple[Floats, Floats]:
-        """Return the result of ``of_shot`` at a point; ``slope`` are the parameters' derivatives by the vector."""
+        """Return the result of ``of_shot`` at a point; ``slope`` are the shot's ``slopes`` there, shape (q, q)."""
         response = self._averaged(index, point, laws, derivatives=True)
-        at = self.places[index]
         # derivatives at the usual stride suffice for a short stride: only the displacement decides where a search ends
         shown = response.displacement_m if self.stride == STRIDE else self.averaged(index, point, laws)
-        return shown, response.derivatives @ slope[np.ix_(at, at)]
+        return shown, response.derivatives @ slope
 
     def residual_m(self, z: Floats) -> tuple[Floats, ...]:
         """Return measured minus model displacement, averaged, one array for each shot."""

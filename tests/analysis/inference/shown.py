@@ -11,6 +11,7 @@ from analysis.inference.fit.base import base_named
 from analysis.inference.fit.course import Course
 from analysis.inference.fit.response import Response, ShotModel, respond
 from analysis.inference.fit.samples import Samples
+from analysis.inference.fit.search_vector import SearchVector
 
 Floats = NDArray[np.float64]
 _A_SAMPLE = 10  # samples of the record in each of ``time_s``
@@ -43,3 +44,11 @@ def shown(
     if shot.too_fast:
         raise Infeasible("too fast")
     return respond(shot, time_s)
+
+
+def whole_slope(problem: SearchVector, z: Floats) -> Floats:
+    """Return the derivatives of all physical parameters by all entries of the vector, shape (size, size)."""
+    out = np.zeros((problem.size, problem.size))
+    for at, slope in zip(problem.places, problem.slopes(z), strict=True):
+        out[np.ix_(at, at)] = slope
+    return out

@@ -11,6 +11,7 @@ from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from tests.analysis.diagnosis.shots import KINDS, shots
+from tests.analysis.inference.shown import whole_slope
 
 DELAY, SUPPORT = effect_named("demodulation_lag"), effect_named("support_compliance")
 OWN = np.array([[-0.15, 0.0101, 1e-3], [-0.27, 0.0102, 2e-3]])
@@ -62,7 +63,7 @@ def test_the_slope_is_that_of_the_parameters() -> None:
     data = JointData(averaged_shots(shots({}, count=2)), base_named("paper"))
     problem = Problem(data, (KINDS["demodulation_lag"], KINDS["support_compliance"]), data.white_noise)
     z = problem.pack(point())
-    slope = problem.slope(z)
+    slope = whole_slope(problem, z)
     for column in range(problem.size):
         step = np.zeros(z.size)
         step[column] = 1e-6 * max(abs(z[column]), 1.0)

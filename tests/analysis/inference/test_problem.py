@@ -11,6 +11,7 @@ from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
 from tests.analysis.diagnosis.shots import WHITE_M, base_fit, calm, shots
+from tests.analysis.inference.shown import whole_slope
 
 
 def test_a_fit_that_allows_for_its_own_error_is_led_on() -> None:
@@ -95,9 +96,11 @@ def test_a_fit_is_at_its_minimum_with_its_criterion_and_its_covariance(best: Fit
     assert best.chi2(best.noise) == pytest.approx(square.chi2, rel=1e-6)
     assert best.bic == pytest.approx(10 * np.log(best.samples) - 2 * best.log_likelihood)
     np.testing.assert_allclose(best.inverse @ square.curvature, np.eye(10), atol=1e-3)
-    slope = best.problem.slope(best.z)
-    np.testing.assert_allclose(best.covariance, slope @ best.inverse @ slope.T)
-    np.testing.assert_allclose(best.std**2, np.diag(best.covariance))
+    slope = whole_slope(best.problem, best.z)
+    covariance = slope @ best.inverse @ slope.T
+    for at, found in zip(best.problem.places, best.covariances, strict=True):
+        np.testing.assert_allclose(found, covariance[np.ix_(at, at)])
+    np.testing.assert_allclose(best.std**2, np.diag(covariance))
     assert best.effects == () and best.unlearned_noise == best.noise.still
     assert best.with_marginal_covariance() is best and best.continued() is best  # no frame, and at its end
 

@@ -12,6 +12,7 @@ from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from tests.analysis.collision.simulated import shot
 from tests.analysis.diagnosis.shots import KINDS, base_fit, shots
+from tests.analysis.inference.shown import whole_slope
 
 
 def test_the_slope_of_a_search_vector_is_that_of_the_parameters_it_stands_for() -> None:
@@ -42,7 +43,7 @@ def test_the_slope_of_a_search_vector_is_that_of_the_parameters_it_stands_for() 
     flat = problem.flat(there)
     np.testing.assert_allclose(problem.flat(problem.unpack(z)), flat, rtol=1e-9)
     assert flat[10:].tolist() == [2e-4, 1e-5, 700.0, 0.02, 1e-6, 1e-8, -3e-6, 1e-8]
-    slope = problem.slope(z)
+    slope = whole_slope(problem, z)
     for k in range(problem.size):
         step = np.zeros(z.size)
         step[k] = 1e-5 * max(1.0, abs(z[k]))

@@ -8,7 +8,8 @@ from .fit.first_fit import base_fit, first_fit
 from .fit.first_guesses import first_guesses
 from .fit.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
 from .fit.joint_data import JointData, frame_motions_of, joint_data, site_under, with_plates
-from .fit.least_squares import damped_step, free_to_move
+from .fit.least_squares import free_to_move
+from .fit.normal_matrix import NormalMatrix
 from .fit.problem import Fitted, Linearised, Problem
 from .fit.profile import with_profile_std
 from .fit.relinearised_frame import with_frame_relinearised
@@ -31,6 +32,7 @@ __all__ = [
     "Floor",
     "JointData",
     "Linearised",
+    "NormalMatrix",
     "Point",
     "Problem",
     "Samples",
@@ -42,7 +44,6 @@ __all__ = [
     "averaged_shots",
     "base_fit",
     "base_named",
-    "damped_step",
     "distinct_starts",
     "effect_parameters",
     "first_fit",

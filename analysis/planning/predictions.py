@@ -169,15 +169,8 @@ def present_information(fitted: Fitted, floor: Floor) -> Information:
     """Return the information of the present shots on a fit's shared parameters."""
     problem = fitted.problem.with_noise(floor)
     square = problem.square(fitted.z)
-    shared = problem.shared
-    own = np.setdiff1d(np.arange(problem.size), shared)
-    of_own = np.linalg.pinv(square.curvature[own][:, own], hermitian=True)
-    into: Floats = square.curvature[shared][:, own] @ of_own
-    return Information(
-        square.curvature[shared][:, shared] - into @ square.curvature[own][:, shared],
-        square.gradient[shared] - into @ square.gradient[own],
-        float(square.chi2 - square.gradient[own] @ of_own @ square.gradient[own]),
-    )
+    curvature, gradient, fall = square.curvature.without_own(square.gradient)
+    return Information(curvature, gradient, square.chi2 - fall)
 
 
 def information_without(jacobian: Floats, left: Floats, shared: int, unshared: Sequence[int] = ()) -> Information:

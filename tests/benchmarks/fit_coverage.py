@@ -64,7 +64,7 @@ def _bound(white_m: float, wander: tuple[float, float] = (0.0, 1e-2)) -> dict[st
     problem = Problem(JointData(shots, base_named("paper")), (), noise)
     own = np.array([[PAPER.velocity_in_m_per_s, 0.0123456, 3.1e-3]])
     z = problem.pack(Point(np.array([*TRUTH.values()]), own, ({},)))
-    inverse = problem.square(z).covariance()
+    inverse = problem.square(z).curvature.inverse()
     assert inverse is not None
     slope = problem.slopes(z)[0]  # one shot: its places are the vector
     std = np.sqrt(np.diag(slope @ inverse @ slope.T))

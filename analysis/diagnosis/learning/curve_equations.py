@@ -12,7 +12,7 @@ import numpy as np
 from analysis.collision import Infeasible
 from analysis.diagnosis.learning.curve_motion import Term
 from analysis.diagnosis.learning.penalised_step import penalised_step
-from analysis.inference import Arrow, Problem, damped_step
+from analysis.inference import Arrow, NormalMatrix, Problem
 from analysis.shot import Floats
 
 _BEYOND = 1e100  # noise norms: larger than any motion of the rig
@@ -69,7 +69,7 @@ class CurveEquations:
         curvature, pull = self.columns.gram(), self.columns.pull(self.left)
         curvature[self.base :, self.base :] += penalty
         pull[self.base :] -= penalty @ coefficients
-        return damped_step(curvature, pull, damping)
+        return NormalMatrix.of(curvature).solve(pull, damping=damping)
 
 
 def whitened_residual(problem: Problem, left_m: Iterable[Floats]) -> Floats:

@@ -111,7 +111,7 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
         end = found.square
         assert end.residual is not None and end.pull is not None
         known = None if covariance is None else covariance[np.ix_(learned_at, learned_at)]
-        uncertainty = _PredictionUncertainty.of(end.curvature, shared, known)
+        uncertainty = _PredictionUncertainty.of(end.curvature.dense(), shared, known)
         shown = one.full(one.unpack(found.parameters))[0]
         measured = fitted.problem.data.shots[held]
         off = measured.displacement_m - measured.averaged(shown)
@@ -138,7 +138,7 @@ def _trained(fitted: Fitted, held: int, others: Problem, begin: Floats, stop: St
         found = others.search(begin, evaluations=_TRAINED, cancelled=stop)
         seen = np.ones(others.size, dtype=np.bool_)
         seen[others.unseen] = False
-        learned = found.parameters, found.square.covariance(seen)
+        learned = found.parameters, found.square.curvature.inverse(seen)
         if not stop():  # an interrupted fit is not kept
             fitted.held_out_cache[held] = learned
     return learned

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.inference.fit.normal_matrix import NormalMatrix, Places
 from analysis.shot import Floats
 
 if TYPE_CHECKING:
     from analysis.inference.fit.samples import Samples
     from analysis.inference.noise.floor import Floor
 
-Places = NDArray[np.intp]
 _DEPENDENT = 1e-9  # relative length after projection below which a column depends linearly on the others
 _SPANNED = 1e-6  # the same after projection off all fitted parameters
 _ROUNDING = 1e-12  # fraction of the largest singular value treated as zero
@@ -89,6 +89,15 @@ class Arrow:
         for block, at in zip(self.blocks, self.places, strict=True):
             out[np.ix_(at, at)] += block.T @ block
         return out
+
+    def normal_matrix(self) -> NormalMatrix:
+        """Return the transposed matrix times itself, shot by shot; every shot must have as many columns."""
+        s = self.shared
+        squares = np.stack([block.T @ block for block in self.blocks])
+        places = np.stack(self.places)
+        return NormalMatrix(
+            squares[:, :s, :s].sum(axis=0), squares[:, s:, :s], squares[:, s:, s:], places[0, :s], places[:, s:]
+        )
 
     def span(self) -> "OrthonormalBasis":
         """Return an orthonormal basis of the columns; cost: 4 n (s + q)^2 multiply-adds per shot."""

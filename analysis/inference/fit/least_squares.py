@@ -5,49 +5,32 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from analysis.collision import Floats, Infeasible
+from analysis.inference.fit.normal_matrix import NormalMatrix
 from analysis.shot import Stop
 
 
 @dataclass(frozen=True, slots=True)
 class Square:
-    """A whitened sum of squares at one point: chi^2, J^T J, shape (p, p), J^T r, shape (p,), and number of samples.
+    """A whitened sum of squares at one point: chi^2, J^T J, J^T r, shape (p,), and number of samples.
 
     ``residual`` r, shape (n,), ``along(step)`` = J step and ``pull(vector)`` = J^T vector are used to correct steps in
     curved valleys; None for a search without corrections.
     """
 
     chi2: float
-    curvature: Floats
+    curvature: NormalMatrix
     gradient: Floats
     samples: int
     residual: Floats | None = None
     along: Callable[[Floats], Floats] | None = None
     pull: Callable[[Floats], Floats] | None = None
 
-    def covariance(self, free: np.ndarray | None = None) -> Floats | None:
-        """Return (J^T J)^-1, shape (p, p), zero where not ``free``; None if J^T J is singular to rounding."""
-        p = self.gradient.size
-        index = np.arange(p) if free is None else np.flatnonzero(free)
-        curvature = self.curvature[np.ix_(index, index)]
-        scale = np.sqrt(np.diag(curvature))
-        if not np.all(scale > 0):
-            return None
-        scaled = curvature / np.outer(scale, scale)
-        values, vectors = np.linalg.eigh(scaled)
-        if values[0] < 1e-13 * values[-1]:
-            return None
-        inverse = (vectors / values) @ vectors.T / np.outer(scale, scale)
-        out = np.zeros((p, p))
-        out[np.ix_(index, index)] = inverse
-        return out
-
     def followed(self, moved: Floats, own: Sequence[int]) -> Floats:
         """Return the first-order step that re-optimises the parameters at ``own`` after the others have ``moved``."""
-        pull = self.gradient[own] + self.curvature[own] @ moved
-        return np.asarray(-np.linalg.pinv(self.curvature[np.ix_(own, own)], hermitian=True) @ pull)
+        pull = (self.gradient + self.curvature @ moved)[own]
+        return np.asarray(-np.linalg.pinv(self.curvature.dense()[np.ix_(own, own)], hermitian=True) @ pull)
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +167,7 @@ class _Damping:
             there = _stepped(square, here, free, self.value, bounds)
             if there is not None and _length(square, there - here) <= _SHORTER * self._too_long:
                 moved = there - here
-                expected = float(-2 * moved @ square.gradient - moved @ square.curvature @ moved)
+                expected = float(-2 * moved @ square.gradient - moved @ (square.curvature @ moved))
                 if expected > 0:
                     return there, expected
             self.value = max(10 * self.value, 1e-9)
@@ -328,29 +311,9 @@ def _stepped(
 
 def _length(square: Square, step: Floats) -> float:
     """Return the length of a step, with each parameter in units of its conditional standard deviation."""
-    return float(np.sqrt(np.diag(square.curvature) @ step**2))
+    return float(np.sqrt(square.curvature.diagonal @ step**2))
 
 
 def _step(square: Square, free: np.ndarray, damping: float, gradient: Floats | None = None) -> Floats | None:
     """Return the damped Gauss-Newton step, zero where not ``free``; None if the matrix is singular."""
-    gradient = square.gradient if gradient is None else gradient
-    index = np.flatnonzero(free)
-    solution = damped_step(square.curvature[np.ix_(index, index)], -gradient[index], damping)
-    if solution is None:
-        return None
-    out = np.zeros(free.size)
-    out[index] = solution
-    return out
-
-
-def damped_step(curvature: Floats, pull: Floats, damping: float) -> Floats | None:
-    """Return the step s with (curvature + damping diag(curvature)) s = pull, or None if that is singular.
-
-    Damping shortens the step most in poorly determined directions, along which valleys curve (Marquardt).
-    """
-    if not pull.size:
-        return pull
-    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    scaled = curvature / np.outer(scale, scale) + damping * np.eye(scale.size)
-    _, solution, singular = dposv(scaled, pull / scale)  # by Cholesky decomposition
-    return solution / scale if not singular and np.all(np.isfinite(solution)) else None
+    return square.curvature.solve(-(square.gradient if gradient is None else gradient), free, damping)

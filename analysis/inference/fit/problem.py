@@ -123,7 +123,7 @@ class Problem(WeightedModel):
         left = self.residual_m(found.parameters)
         # The likelihood of wandering parts has several maxima; a search started at another fit's maximum stays there.
         noise, value = self.learn_noise(left, self.noise if self.noise.site else None, anew=anew)
-        inverse = found.square.covariance()
+        inverse = found.square.curvature.inverse()
         converged = found.converged
         if inverse is None:
             inverse = np.full((self.size, self.size), np.nan)

@@ -150,7 +150,7 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
         z = problem.pack(problem.with_softened_contact(here))
         found = _minimum_from(problem, z, stop)
         move = found.parameters - z
-        if problem.data.site is None or float(move @ found.square.curvature @ move) < _SMALL_MOVE**2:
+        if problem.data.site is None or float(move @ (found.square.curvature @ move)) < _SMALL_MOVE**2:
             undecided = np.zeros(z.size)
             break
         undecided = move * math.sqrt(0.5)
@@ -208,7 +208,7 @@ def _reweighed(problem: Problem, found: Minimum, stop: Stop) -> Fitted:
     free[[*found.at_bound, *problem.unseen]] = False
 
     def at(end: Minimum, weighed: Problem) -> Fitted:
-        left, known = weighed.residual_m(end.parameters), end.square.covariance(free)
+        left, known = weighed.residual_m(end.parameters), end.square.curvature.inverse(free)
         inverse = np.full((problem.size, problem.size), math.nan) if known is None else known
         return Fitted(weighed, end.parameters, math.nan, left, inverse, end.converged)
 
@@ -223,6 +223,6 @@ def _reweighed(problem: Problem, found: Minimum, stop: Stop) -> Fitted:
         ended = _minimum_from(weighed, fitted.z, stop)
         move = ended.parameters - fitted.z
         fitted = at(ended if ended.converged else found, weighed)
-        if float(move @ ended.square.curvature @ move) < _SETTLED**2:
+        if float(move @ (ended.square.curvature @ move)) < _SETTLED**2:
             break
     return fitted if strengths is None else fitted.averaged_over(strengths, free)

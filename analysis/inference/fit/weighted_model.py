@@ -168,7 +168,7 @@ class WeightedModel(SearchVector):
         if not all(np.all(np.isfinite(one)) for one in (left, *tangents.blocks)):
             raise Infeasible("the trajectory is not finite")
         chi2, pull = float(left @ left), tangents.pull(left)
-        return Square(chi2, tangents.gram(), pull, left.size, left, tangents.along, tangents.pull)
+        return Square(chi2, tangents.normal_matrix(), pull, left.size, left, tangents.along, tangents.pull)
 
     def with_softened_contact(self, point: Point) -> Point:
         """Return the point with a contact soft enough for the samples: a search cannot start from a rigid contact."""

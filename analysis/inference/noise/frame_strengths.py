@@ -14,7 +14,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from analysis.compiled import side_by_side
-from analysis.inference.fit.arrow import Arrow, Places
+from analysis.inference.fit.arrow import Arrow
+from analysis.inference.fit.normal_matrix import Places
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S

@@ -9,6 +9,7 @@ import pytest
 from analysis.collision import Infeasible
 from analysis.diagnosis.verdict import cross_validation
 from analysis.diagnosis.verdict.cross_validation import Prediction, _PredictionUncertainty, choose, predict
+from analysis.inference import NormalMatrix
 
 
 def shot_set(*speeds: float) -> Any:
@@ -135,9 +136,10 @@ class OneOut:
         self.searches += 1
         if self.fails:
             raise Infeasible("nowhere")
-        square = SimpleNamespace(
-            covariance=lambda seen: self.covariance if self.asked.append(seen.tolist()) is None else None
+        curvature = SimpleNamespace(
+            inverse=lambda seen: self.covariance if self.asked.append(seen.tolist()) is None else None
         )
+        square = SimpleNamespace(curvature=curvature)
         return SimpleNamespace(parameters=np.array([11.0, 22.0, 1.5, 2.5]), square=square)
 
     def square(self, z: Any) -> Any:
@@ -149,7 +151,7 @@ class OneOut:
         end = SimpleNamespace(
             residual=self.residual, pull=lambda d: self.rows.T @ d, chi2=float(self.residual @ self.residual),
             samples=50,
-            gradient=self.rows.T @ self.residual, curvature=self.rows.T @ self.rows,
+            gradient=self.rows.T @ self.residual, curvature=NormalMatrix.of(self.rows.T @ self.rows),
         )  # fmt: skip
         return SimpleNamespace(parameters=z + 0.5, square=end)
 

@@ -52,10 +52,10 @@ def test_a_prediction_moves_only_what_is_a_shots_own() -> None:
 def cut_off(at: Fitted, stds: float) -> Minimum:
     """Return the end of a search whose first parameter is so many standard deviations off, the others followed."""
     square = at.problem.square(at.z)
-    inverse = square.covariance()
+    inverse = square.curvature.inverse()
     assert inverse is not None
     away = stds * np.sqrt(square.chi2 / square.samples) * inverse[0] / np.sqrt(inverse[0, 0])
-    return Minimum(at.z, replace(square, gradient=-square.curvature @ away), False)
+    return Minimum(at.z, replace(square, gradient=-(square.curvature @ away)), False)
 
 
 @pytest.mark.parametrize(("stds", "near"), [(0.19, True), (0.21, False)])
@@ -84,7 +84,7 @@ def test_the_square_of_a_vector_has_true_derivatives(best: Fitted) -> None:
         size = np.linalg.norm(column)
         np.testing.assert_allclose(square.along(np.eye(z.size)[k]), column, atol=1e-3 * size)
         assert square.gradient[k] == pytest.approx(column @ left, abs=2e-3 * size * np.sqrt(square.chi2))
-        assert square.curvature[k, k] == pytest.approx(size**2, rel=1e-2)
+        assert square.curvature.dense()[k, k] == pytest.approx(size**2, rel=1e-2)
     np.testing.assert_allclose(square.pull(left), square.gradient, rtol=1e-6, atol=1e-6 * np.abs(square.gradient).max())
     both = zip(problem.data.shots, problem.residual_m(z), strict=True)
     other = [shot.whitened(best.noise, x[:, None])[:, 0] for shot, x in both]
@@ -95,7 +95,7 @@ def test_a_fit_is_at_its_minimum_with_its_criterion_and_its_covariance(best: Fit
     square = best.problem.square(best.z)
     assert best.chi2(best.noise) == pytest.approx(square.chi2, rel=1e-6)
     assert best.bic == pytest.approx(10 * np.log(best.samples) - 2 * best.log_likelihood)
-    np.testing.assert_allclose(best.inverse @ square.curvature, np.eye(10), atol=1e-3)
+    np.testing.assert_allclose(best.inverse @ square.curvature.dense(), np.eye(10), atol=1e-3)
     slope = whole_slope(best.problem, best.z)
     covariance = slope @ best.inverse @ slope.T
     for at, found in zip(best.problem.places, best.covariances, strict=True):

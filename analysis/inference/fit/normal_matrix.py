@@ -1,0 +1,223 @@
+"""The matrix of the normal equations, J^T J, of shots that only shared parameters couple.
+
+Each shot's own parameters are eliminated within the shot (the Schur complement), so the time of a solution grows with
+the number of shots and not with its cube (Golub and Van Loan, "Matrix Computations", section 3.2).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from analysis.shot import Floats
+
+Places = NDArray[np.intp]
+_SINGULAR = 1e-13  # least over largest eigenvalue, of parameters in units of their conditional standard deviations
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _factor(matrix):  # type: ignore[no-untyped-def]
+    """Write the lower Cholesky factor of a matrix, shape (n, n), in its place; False if it is not positive definite."""
+    for i in range(matrix.shape[0]):
+        for j in range(i + 1):
+            left = matrix[i, j]
+            for k in range(j):
+                left -= matrix[i, k] * matrix[j, k]
+            if i != j:
+                matrix[i, j] = left / matrix[j, j]
+            elif left > 0.0:
+                matrix[i, i] = math.sqrt(left)
+            else:
+                return False
+    return True
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _lower(factor, columns):  # type: ignore[no-untyped-def]
+    """Solve factor x = columns, shape (n, k), in place, for a lower triangle."""
+    for i in range(factor.shape[0]):
+        for c in range(columns.shape[1]):
+            left = columns[i, c]
+            for k in range(i):
+                left -= factor[i, k] * columns[k, c]
+            columns[i, c] = left / factor[i, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _upper(factor, column):  # type: ignore[no-untyped-def]
+    """Solve factor^T x = column, shape (n,), in place, for a lower triangle."""
+    for i in range(factor.shape[0] - 1, -1, -1):
+        left = column[i]
+        for k in range(i + 1, factor.shape[0]):
+            left -= factor[k, i] * column[k]
+        column[i] = left / factor[i, i]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _solve(shared, cross, own, free, damping, right, right_own):  # type: ignore[no-untyped-def]
+    """Write the solution in place of ``right``, shape (s,), and ``right_own``, shape (shots, q); False if singular.
+
+    The matrices are scaled to unit diagonal; ``free`` = (shared, own).  The other entries of the solution are zero.
+    Cost: q (q^2 / 3 + q s + s^2) multiply-adds per shot and s^3 / 3.
+    """
+    free_shared, free_own = free
+    shots, q, s = cross.shape
+    factors, beside = own.copy(), np.zeros((shots, q, s + 1))
+    top, rest = np.zeros((s, s)), np.zeros((s, 1))
+    for i in range(s):
+        rest[i, 0] = right[i] if free_shared[i] else 0.0
+        for j in range(s):
+            top[i, j] = shared[i, j] if free_shared[i] and free_shared[j] else 0.0
+        top[i, i] = 1.0 + damping
+    for k in range(shots):
+        factor, sides = factors[k], beside[k]
+        for i in range(q):
+            for j in range(q):
+                if not (free_own[k, i] and free_own[k, j]):
+                    factor[i, j] = 0.0
+            factor[i, i] = 1.0 + damping
+            if free_own[k, i]:
+                sides[i, s] = right_own[k, i]
+                for j in range(s):
+                    sides[i, j] = cross[k, i, j] if free_shared[j] else 0.0
+        if not _factor(factor):
+            return False
+        _lower(factor, sides)
+        for i in range(s):
+            for c in range(q):
+                rest[i, 0] -= sides[c, i] * sides[c, s]
+                for j in range(i + 1):
+                    top[i, j] -= sides[c, i] * sides[c, j]
+    if not _factor(top):
+        return False
+    _lower(top, rest)
+    right[:] = rest[:, 0]
+    _upper(top, right)
+    for k in range(shots):
+        for i in range(q):
+            right_own[k, i] = beside[k, i, s]
+            for j in range(s):
+                right_own[k, i] -= beside[k, i, j] * right[j]
+        _upper(factors[k], right_own[k])
+    return True
+
+
+@dataclass(frozen=True, slots=True)
+class NormalMatrix:
+    """J^T J of p parameters: s shared ones, and q of each shot.
+
+    ``shared``, shape (s, s), ``own``, shape (shots, q, q), and ``cross``, shape (shots, q, s), are its blocks;
+    ``shared_at``, shape (s,), and ``own_at``, shape (shots, q), are the indices of their parameters.
+    """
+
+    shared: Floats
+    cross: Floats
+    own: Floats
+    shared_at: Places
+    own_at: Places
+
+    @classmethod
+    def of(cls, matrix: Floats) -> "NormalMatrix":
+        """Return a matrix, shape (p, p), all of whose parameters are shared."""
+        p = len(matrix)
+        return cls(matrix, np.zeros((0, 0, p)), np.zeros((0, 0, 0)), np.arange(p), np.zeros((0, 0), np.intp))
+
+    @property
+    def size(self) -> int:
+        """Get the number of parameters p."""
+        return int(self.shared_at.size + self.own_at.size)
+
+    @property
+    def diagonal(self) -> Floats:
+        """Get the diagonal, shape (p,)."""
+        out = np.empty(self.size)
+        out[self.shared_at], out[self.own_at] = np.diag(self.shared), np.einsum("kii->ki", self.own)
+        return out
+
+    def __matmul__(self, vector: Floats) -> Floats:
+        """Return the matrix times a vector, shape (p,)."""
+        out, shared, own = np.empty(self.size), vector[self.shared_at], vector[self.own_at]
+        out[self.shared_at] = self.shared @ shared + np.tensordot(own, self.cross, 2)
+        out[self.own_at] = self.cross @ shared + np.einsum("kij,kj->ki", self.own, own)
+        return out
+
+    def dense(self) -> Floats:
+        """Return the whole matrix, shape (p, p)."""
+        out = np.zeros((self.size, self.size))
+        out[np.ix_(self.shared_at, self.shared_at)] = self.shared
+        out[self.own_at[:, :, None], self.shared_at] = self.cross
+        out[self.shared_at[:, None], self.own_at[:, None, :]] = self.cross.transpose(0, 2, 1)
+        out[self.own_at[:, :, None], self.own_at[:, None, :]] = self.own
+        return out
+
+    def solve(self, right: Floats, free: NDArray[np.bool_] | None = None, damping: float = 0.0) -> Floats | None:
+        """Return x with (A + damping diag A) x = ``right``, zero where not ``free``; None if that is singular.
+
+        Both have shape (p,).  Damping shortens a step most in poorly determined directions, along which valleys curve
+        (Marquardt).
+        """
+        free = np.ones(self.size, np.bool_) if free is None else free
+        unit = 1.0 / np.sqrt(np.maximum(self.diagonal, 1e-300))
+        scaled, out = self._scaled(unit), right * unit
+        of_shared, of_own = out[self.shared_at], out[self.own_at]
+        both = (free[self.shared_at], free[self.own_at])
+        if not _solve(scaled.shared, scaled.cross, scaled.own, both, damping, of_shared, of_own):
+            return None
+        out[self.shared_at], out[self.own_at] = of_shared, of_own
+        return out * unit if np.all(np.isfinite(out)) else None
+
+    def inverse(self, free: NDArray[np.bool_] | None = None) -> Floats | None:
+        """Return the inverse, shape (p, p), over the ``free`` parameters, else zero; None if singular to rounding."""
+        free = np.ones(self.size, np.bool_) if free is None else free
+        diagonal = np.where(free, self.diagonal, 1.0)
+        if not np.all(diagonal > 0):
+            return None
+        unit = np.where(free, 1.0 / np.sqrt(diagonal), 0.0)
+        scaled = self._scaled(unit)  # zero where not free, apart from the diagonal
+        at, of = np.diag_indices(len(self.shared_at)), np.arange(self.own_at.shape[1])
+        scaled.shared[at] = scaled.own[:, of, of] = 1.0
+        level, turn = np.linalg.eigh(scaled.own)
+        if level.min(initial=1.0) < _SINGULAR:
+            return None
+        of_own = (turn / level[:, None, :]) @ turn.transpose(0, 2, 1)
+        give = of_own @ scaled.cross
+        level, turn = np.linalg.eigh(scaled.shared - np.tensordot(scaled.cross, give, ((0, 1), (0, 1))))
+        if level[0] < _SINGULAR * max(1.0, level[-1]):
+            return None
+        of_shared = (turn / level) @ turn.T
+        out = np.empty((self.size, self.size))
+        across = -give @ of_shared
+        out[np.ix_(self.shared_at, self.shared_at)] = of_shared
+        out[self.own_at[:, :, None], self.shared_at] = across
+        out[self.shared_at[:, None], self.own_at[:, None, :]] = across.transpose(0, 2, 1)
+        every = self.own_at.ravel()
+        out[np.ix_(every, every)] = -across.reshape(every.size, len(level)) @ give.reshape(every.size, len(level)).T
+        out[self.own_at[:, :, None], self.own_at[:, None, :]] += of_own
+        out *= unit
+        out *= unit[:, None]
+        return out
+
+    def without_own(self, gradient: Floats) -> tuple[Floats, Floats, float]:
+        """Return matrix and gradient of the shared parameters with the others re-optimised, and the fall of chi^2."""
+        of_own = np.linalg.pinv(self.own, hermitian=True)
+        pull = gradient[self.own_at]
+        into = self.cross.transpose(0, 2, 1) @ of_own
+        rest = gradient[self.shared_at] - np.einsum("ksq,kq->s", into, pull)
+        return (
+            self.shared - np.tensordot(into, self.cross, ((0, 2), (0, 1))),
+            rest,
+            float(np.einsum("kq,kqr,kr->", pull, of_own, pull)),
+        )
+
+    def _scaled(self, unit: Floats) -> "NormalMatrix":
+        """Return the matrix with rows and columns multiplied by ``unit``, shape (p,)."""
+        shared, own = unit[self.shared_at], unit[self.own_at]
+        return NormalMatrix(
+            self.shared * np.outer(shared, shared),
+            self.cross * own[:, :, None] * shared,
+            self.own * own[:, :, None] * own[:, None, :],
+            self.shared_at,
+            self.own_at,
+        )

@@ -1,12 +1,12 @@
 """Predict shots not yet taken from a fitted model, and the information on another model that they would add."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
-from analysis.inference import OWN_NAMES, Course, Fitted, Floor, Point, Problem, Samples, on_site
+from analysis.inference import OWN_NAMES, Course, Fitted, Floor, Point, Samples, on_site
 from analysis.planning.next_shot import NextShot, contact_s, mass_without_weights_kg, on_the_rig
 from analysis.shot import Floats, Stop
 
@@ -46,6 +46,7 @@ def _course(like: Course, shot: NextShot, touching_s: float) -> Course:
     return replace(
         like,
         touch_time_s=shot.before_s,
+        touch_position_m=0.0,
         velocity_in_m_per_s=-shot.speed_m_per_s,
         turnaround_time_s=shot.before_s + touching_s / 2,
         rate_rad_per_s=float(np.pi / touching_s),
@@ -53,40 +54,9 @@ def _course(like: Course, shot: NextShot, touching_s: float) -> Course:
     )
 
 
-def with_shots(fitted: Fitted, added: Sequence[Samples]) -> tuple[Problem, Floats]:
-    """Return a fit's problem over its shots and ``added`` ones, and the parameter vector that predicts the latter.
-
-    Each added shot starts at its set values; its per-shot parameters have typical values of the present shots.
-    """
-    before = fitted.problem
-    data = replace(before.data, shots=(*before.data.shots, *added))
-    problem = Problem(data, before.effects, before.noise, fixed=before.fixed)
-    point = fitted.point
-    own = [[s.course.velocity_in_m_per_s, s.course.touch_time_s, 0.0] for s in added]
-    values = _typical(fitted)
-    return problem, problem.pack(
-        Point(point.base, np.concatenate([point.own, own]), (*point.values, *(values for _ in added)))
-    )
-
-
-def _typical(fitted: Fitted) -> dict[Effect, Mapping[str, float]]:
-    """Return the effects' values of a typical shot: those of the shot in which they have their median size.
-
-    All values of an effect come from one shot: a plate's position and velocity are correlated, and separate means of
-    both would describe a swing of the plate that no shot had.
-    """
-    every = fitted.point.values
-    out: dict[Effect, Mapping[str, float]] = {}
-    for kind in fitted.problem.effects:
-        first = next((free.name for free in kind.own), None)
-        by_size = sorted((one[kind.effect] for one in every), key=lambda v: abs(v[first]) if first else 0.0)
-        out[kind.effect] = by_size[len(by_size) // 2]
-    return out
-
-
 def predict(fitted: Fitted, shot: Samples) -> Samples:
     """Return the samples of a shot as a fit predicts them, without noise.  Raises Infeasible."""
-    problem, z = with_shots(fitted, [shot])
+    problem, z = fitted.with_shots([shot])
     last = len(problem.data.shots) - 1
     shown = problem.averaged(last, problem.unpack(z))
     if not np.all(np.isfinite(shown)):
@@ -96,7 +66,7 @@ def predict(fitted: Fitted, shot: Samples) -> Samples:
 
 def fit_as_if_taken(fitted: Fitted, added: Sequence[Samples], floor: Floor) -> Fitted:
     """Return a fit as it would be after shots that agree exactly with its predictions, under the noise ``floor``."""
-    problem, z = with_shots(fitted, added)
+    problem, z = fitted.with_shots(added)
     problem = problem.with_noise(floor)
     return replace(problem.fit_once(z, evaluations=1), problem=problem)
 
@@ -137,7 +107,7 @@ def information_of(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequenc
     ``unshared`` are indices of the vector that apply to this shot alone, as on a plate of its own.  Cost: one shot with
     derivatives, 1 to 11 ms.
     """
-    problem, z = with_shots(rival, [shot])
+    problem, z = rival.with_shots([shot])
     last = len(problem.data.shots) - 1
     here, columns = problem.of_shot(last, z)
     rows = shot.whitened(floor, np.column_stack([here - shot.displacement_m, columns]))
@@ -153,7 +123,7 @@ def shot_penalty(rival: Fitted, effect: Effect, scatter: Floats, shot: Samples, 
     It is ln det(1 + S F): the gain in knowledge of the parameters over their ``scatter`` (S), where F is the shot's
     information on them with its own start eliminated.  Raises Infeasible.
     """
-    problem, z = with_shots(rival, [shot])
+    problem, z = rival.with_shots([shot])
     last = len(problem.data.shots) - 1
     named = [problem.names[place] for place in problem.places[last]]
     numbers = [k for k, (name, index) in enumerate(named) if index == last and name.rpartition(".")[0] == effect.key]
@@ -192,6 +162,6 @@ def refitted_chi2(rival: Fitted, added: Sequence[Samples], floor: Floor, stop: S
 
     Raises Infeasible where it has no solution for them.  Cost: some ten evaluations of all shots.
     """
-    problem, z = with_shots(rival, added)
+    problem, z = rival.with_shots(added)
     found = problem.with_noise(floor).search(z, evaluations=_EVALUATIONS, tolerance=NEAR, cancelled=stop)
     return found.square.chi2

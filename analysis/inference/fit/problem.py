@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Effect
+from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Minimum, StopEarly, minimise
+from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.weighted_model import ModelAtVector, WeightedModel
 from analysis.inference.noise import frame_strengths
 from analysis.inference.noise.floor import Floor, learn
@@ -200,6 +202,32 @@ class Fitted(ModelAtVector):
     def samples(self) -> int:
         """Get the number of valid averaged samples."""
         return sum(int(shot.valid.sum()) for shot in self.problem.data.shots)
+
+    def with_shots(self, added: Sequence[Samples]) -> tuple[Problem, Floats]:
+        """Return the problem over the fit's shots and ``added`` ones, and the vector from which its fit starts.
+
+        Each added shot starts at its course; its per-shot parameters have typical values of the present shots.  Its
+        ``weight`` is relative to the same noise as theirs.
+        """
+        before, point, typical = self.problem, self.point, self._typical_values()
+        data = replace(before.data, shots=(*before.data.shots, *added))
+        problem = Problem(data, before.effects, before.noise, fixed=before.fixed)
+        own = np.concatenate([point.own, [shot.course.own for shot in added]])
+        return problem, problem.pack(Point(point.base, own, (*point.values, *(typical for _ in added))))
+
+    def _typical_values(self) -> dict[Effect, Mapping[str, float]]:
+        """Return the effects' values of a typical shot: those of the shot in which they have their median size.
+
+        All values of an effect come from one shot: a plate's position and velocity are correlated, and separate means
+        of both would describe a swing of the plate that no shot had.
+        """
+        out: dict[Effect, Mapping[str, float]] = {}
+        for kind in self.problem.effects:
+            first = next((free.name for free in kind.own), None)
+            every = (one[kind.effect] for one in self.point.values)
+            by_size = sorted(every, key=lambda values: abs(values[first]) if first else 0.0)
+            out[kind.effect] = by_size[len(by_size) // 2]
+        return out
 
     def whitened(self, noise: Floor | None = None) -> list[Floats]:
         """Return the residual at the valid samples, shot by shot, whitened by ``noise`` (None: the fit's own)."""

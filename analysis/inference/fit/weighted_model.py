@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -193,12 +194,12 @@ class ModelAtVector:
         """Get the noise that weights residuals."""
         return self.problem.noise
 
-    @property
+    @cached_property
     def point(self) -> Point:
         """Get the physical parameters."""
         return self.problem.unpack(self.z)
 
-    @property
+    @cached_property
     def effective(self) -> Point:
         """Get the effective parameters (``effective_parameters``)."""
         return to_effective(self.point)

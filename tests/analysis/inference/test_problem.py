@@ -26,6 +26,20 @@ def test_a_fit_that_allows_for_its_own_error_is_led_on() -> None:
     assert max(led.noise.rms_m) < WHITE_M
 
 
+def test_a_shot_is_added_to_a_finished_fit() -> None:
+    every = base_fit(shots({}, count=3))
+    data = every.problem.data
+    two = replace(every.problem, data=replace(data, shots=data.shots[:2]))
+    begun = two.fit(every.z[:10] + 3.0 * np.sqrt(np.diag(every.inverse)[:10]))
+    problem, z = begun.with_shots(data.shots[2:])
+    point = problem.unpack(z)
+    np.testing.assert_allclose(point.base, begun.point.base)
+    np.testing.assert_allclose(point.own, [*begun.point.own, data.shots[2].course.own], rtol=1e-12, atol=1e-15)
+    added = problem.fit(z)
+    assert added.converged and added.log_likelihood == pytest.approx(every.log_likelihood, abs=0.05)
+    np.testing.assert_allclose((added.z - every.z) / np.sqrt(np.diag(every.inverse)), 0.0, atol=0.1)
+
+
 def test_what_is_at_its_end_stays_there() -> None:
     best = base_fit(shots({}))
     again = best.problem.search(best.z)

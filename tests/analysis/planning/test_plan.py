@@ -12,7 +12,6 @@ from analysis.collision.effects import effect_named, effects_named
 from analysis.diagnosis.result import FoundEffect
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning import distances as planned
-from analysis.planning import predictions
 from analysis.planning.distances import Distances, nearest, refitted, screen_shots
 from analysis.planning.model_comparison import ModelComparison, compare_models, refit_diagnosed
 from analysis.planning.next_shot import NextShot, Reach, contact_s, effort, next_shots
@@ -132,7 +131,7 @@ def test_a_swinging_plate_is_predicted_to_swing_as_in_one_of_the_shots():
     truth = rig({"plate_motion": {"velocity_m_per_s": 4e-7, "displacement_m": 5e-11}})
     fitted = refit_diagnosed(fit_shots(motions_of(truth), effects=("plate_motion",)), motions_of(truth), calm)
     shot = next_shots(fitted.problem.data.shots, REACH)[0]
-    problem, z = predictions.with_shots(fitted, [blank_shot(shot, fitted)])
+    problem, z = fitted.with_shots([blank_shot(shot, fitted)])
     *starts, added = [values[effect_named("plate_motion")] for values in problem.unpack(z).values]
     assert any(added == pytest.approx(one) for one in starts)
 

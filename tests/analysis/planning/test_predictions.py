@@ -20,7 +20,6 @@ from analysis.planning.predictions import (
     present_information,
     refitted_chi2,
     shot_penalty,
-    with_shots,
 )
 from tests.analysis.diagnosis.shots import base_fit, calm, shots
 
@@ -78,7 +77,7 @@ def test_a_shot_not_yet_taken_is_sampled_like_the_present_ones(fitted: Fitted) -
     assert course.release_time_s - course.touch_time_s == pytest.approx(lasts)
     assert course.turnaround_time_s == pytest.approx(0.0101 + lasts / 2)
     assert course.rate_rad_per_s == pytest.approx(np.pi / lasts)
-    problem, z = with_shots(fitted, [empty])
+    problem, z = fitted.with_shots([empty])
     added = problem.unpack(z).own[-1]
     np.testing.assert_allclose(added, [-0.25, 0.0101, 0.0], atol=1e-15)
     np.testing.assert_allclose(problem.unpack(z).own[:-1], fitted.point.own)
@@ -135,7 +134,7 @@ def test_the_values_of_a_typical_shot_are_all_of_the_one_of_median_size() -> Non
     sizes = [(-9.0, 1.0), (2.0, 7.0), (-3.0, 5.0), (1.0, 2.0), (4.0, 3.0)]
     values = tuple({effect: {"velocity_m_per_s": v, "displacement_m": y}} for v, y in sizes)
     given: Any = SimpleNamespace(problem=SimpleNamespace(effects=[kind]), point=SimpleNamespace(values=values))
-    assert predictions._typical(given) == {effect: {"velocity_m_per_s": -3.0, "displacement_m": 5.0}}
+    assert Fitted._typical_values(given) == {effect: {"velocity_m_per_s": -3.0, "displacement_m": 5.0}}
 
 
 def test_the_penalty_is_by_how_much_the_shot_knows_its_own_values_better_than_they_scatter() -> None:
@@ -153,12 +152,10 @@ def test_the_penalty_is_by_how_much_the_shot_knows_its_own_values_better_than_th
     )  # fmt: skip
     shot: Any = SimpleNamespace(whitened=lambda floor, columns: columns / floor)
     effect: Any = SimpleNamespace(key="plate_motion")
-    rival: Any = None
+    rival: Any = SimpleNamespace(with_shots=lambda _: (problem, None))
     floor: Any = 0.5
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(predictions, "with_shots", lambda *_: (problem, None))
-        scatter = np.array([3.0, 0.2])
-        found = shot_penalty(rival, effect, scatter, shot, floor)
+    scatter = np.array([3.0, 0.2])
+    found = shot_penalty(rival, effect, scatter, shot, floor)
     numbers, start = 2.0 * rows[:, [2, 4]], 2.0 * rows[:, columns]
     left = numbers - start @ np.linalg.lstsq(start, numbers, rcond=None)[0]
     spread = np.diag(scatter**2)

@@ -10,16 +10,17 @@ from .effects import (
 )
 from .effects.kernel import TOUCHING, V, X, address, complex_address
 from .effects.row import Acts, Effect, Parameter, SensorInput
-from .first_order import first_order_change, steps_per_sample
-from .gear import simulate
-from .general import Event, EventLog, TooManyEvents, Trajectory, UnboundedMotion, averaged, solve
 from .laws.arguments import ARGUMENTS, Argument
 from .laws.curve import Basis, Curve, graded_basis, visited_range
 from .laws.forms import FORMS, Form
 from .laws.functions import FUNCTIONS
 from .laws.user_law import MAX_PARAMETERS, LawError, UserLaw, known_effect, law_from_table
-from .linearisation import LinearPath, linear_path
-from .mechanical_effects import (
+from .parameters import KERNEL_ORDER, PAPER, Collision, Floats, Infeasible, Variant
+from .solver.first_order import first_order_change, steps_per_sample
+from .solver.gear import simulate
+from .solver.general import Event, EventLog, TooManyEvents, Trajectory, UnboundedMotion, averaged, solve
+from .solver.linearisation import LinearPath, linear_path
+from .solver.mechanical_effects import (
     ActiveEffect,
     FastestRates,
     active_effects,
@@ -28,8 +29,7 @@ from .mechanical_effects import (
     direction,
     fastest_rates,
 )
-from .on_moving_frame import moved_by_frame
-from .parameters import KERNEL_ORDER, PAPER, Collision, Floats, Infeasible, Variant
+from .solver.on_moving_frame import moved_by_frame
 
 __all__ = [
     "ARGUMENTS",

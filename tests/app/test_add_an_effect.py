@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import levimass
-from analysis.collision import general
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.parameters import PAPER
+from analysis.collision.solver import general
 from analysis.diagnosis.model_file import from_text, saved, to_text
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.shot.quantity import Quantity

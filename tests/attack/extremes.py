@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from analysis.collision import general
 from analysis.collision.laws.user_law import LawError, known_effect, law_from_table
 from analysis.collision.parameters import PAPER
+from analysis.collision.solver import general
 from analysis.diagnosis.model_file import from_text
 from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
 from analysis.diagnosis.wording import prediction_words

@@ -8,9 +8,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from analysis.collision import gear, general
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.parameters import PAPER
+from analysis.collision.solver import gear, general
 
 TIME_S = np.arange(6001) * 1e-5  # 60 ms
 

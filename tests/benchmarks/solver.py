@@ -21,9 +21,9 @@ SCREENED_S = np.arange(1200) * 5e-5
 
 def tasks() -> dict[str, Callable[[], object]]:
     """Return what is timed, by name; each returns a displacement or what it has instead."""
-    from analysis.collision import general
     from analysis.collision.effects import CATALOGUE
     from analysis.collision.parameters import PAPER
+    from analysis.collision.solver import general
     from tests.analysis.inference.shown import model_of, shown
 
     out: dict[str, Callable[[], object]] = {

@@ -1,6 +1,6 @@
 """The first-order response of a fitted shot to a small effect, as the optics show it, for all start values at once.
 
-The mechanics are those of ``collision.first_order`` along the shot's own path; the fit's sensor effects are then
+The mechanics are those of ``collision.solver.first_order`` along the shot's own path; the fit's sensor effects are then
 applied.  All times are the centres of the averaged samples.
 """
 

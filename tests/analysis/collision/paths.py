@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import first_order, linear_coefficients, linearisation, on_moving_frame, path_matrices
 from analysis.collision.effects import effect_named
-from analysis.collision.general import ActiveEffect
 from analysis.collision.parameters import Collision, Variant
+from analysis.collision.solver import first_order, linear_coefficients, linearisation, on_moving_frame, path_matrices
+from analysis.collision.solver.general import ActiveEffect
 from tests.analysis.collision.plain import solver_in_python
 
 RIG = Collision(0.02, -0.3, 300.0, 2e-3, 3e3, 0.3)

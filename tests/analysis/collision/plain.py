@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import (
+from analysis.collision.effects.kernel import STATES
+from analysis.collision.solver import (
     crossings,
     exponentials,
     march,
@@ -21,7 +22,6 @@ from analysis.collision import (
     system,
     two_bodies,
 )
-from analysis.collision.effects.kernel import STATES
 
 LINES_FOLLOWED = "LEVIMASS_LINES_FOLLOWED" in os.environ  # by make mutants, which sees no line of a compiled kernel
 SOLVER = (crossings, exponentials, march, matrices, modes, propagator, rates, runge_kutta, system, two_bodies)

@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.collision import general
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.row import SensorInput
 from analysis.collision.parameters import PAPER, Collision, Floats
+from analysis.collision.solver import general
 from analysis.shot.motion import Motion
 
 WAVELENGTH_M = 632.8e-9

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import crossings, path_matrices
-from analysis.collision.modes import VELOCITY, may_touch
+from analysis.collision.solver import crossings, path_matrices
+from analysis.collision.solver.modes import VELOCITY, may_touch
 
 Guard = tuple[Callable[[float], float], Callable[[float], float]]  # value and rate in time
 

@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision import general
 from analysis.collision.effects import CATALOGUE, effect_named
 from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, OUTPUTS, Q_RATE, STATES, W_RATE, Q, V, W, X
 from analysis.collision.effects.on_block import block_mode
 from analysis.collision.effects.on_plate import second_plate_mode
 from analysis.collision.effects.on_sensor import cyclic_error, demodulation_lag
 from analysis.collision.effects.row import Acts, SensorInput
-from analysis.collision.general import ActiveEffect
 from analysis.collision.parameters import PAPER
+from analysis.collision.solver import general
+from analysis.collision.solver.general import ActiveEffect
 
 NAMES = {
     *("coulomb_friction", "viscous_drag", "quadratic_drag", "tilt", "bearing_gradient", "block_mode"),

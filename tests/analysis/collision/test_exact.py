@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from analysis.collision import general, march
 from analysis.collision.parameters import PAPER, Collision, Variant
+from analysis.collision.solver import general, march
 
 
 def one_body(damping_n_s_per_m: float, stiffness_n_per_m: float = 200.0) -> Collision:

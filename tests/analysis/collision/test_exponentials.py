@@ -8,8 +8,8 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.linalg import expm, expm_frechet
 
-from analysis.collision import exponentials, linear_coefficients
-from analysis.collision.matrices import TERMS
+from analysis.collision.solver import exponentials, linear_coefficients
+from analysis.collision.solver.matrices import TERMS
 from tests.analysis.collision.plain import made_plain
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from analysis.collision import first_order, general
 from analysis.collision.effects import effect_named
-from analysis.collision.general import ActiveEffect
-from analysis.collision.linearisation import linear_path
+from analysis.collision.solver import first_order, general
+from analysis.collision.solver.general import ActiveEffect
+from analysis.collision.solver.linearisation import linear_path
 from tests.analysis.collision.paths import CASES, RIG, TIME_S, noting, paths_in_python
 from tests.analysis.collision.plain import LINES_FOLLOWED
 

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import general, march
 from analysis.collision.effects import CATALOGUE, kernel
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.parameters import PAPER, Variant
+from analysis.collision.solver import general, march
 
 TIME_S = np.arange(-500, 4500) * 1e-5
 BENDS = (0.3, -2.0, 1e4, 3e6, -2e9)  # of a made-up law of the bend, in N per power of the metre

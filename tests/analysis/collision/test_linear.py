@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import general, march
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.parameters import PAPER, Variant
+from analysis.collision.solver import general, march
 
 TIME_S = np.arange(-1500, 4500) * 1e-5 - 3.3e-6
 LINEAR = (

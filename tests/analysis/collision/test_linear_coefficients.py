@@ -21,7 +21,7 @@ from analysis.collision.effects.kernel import (
     X,
     address,
 )
-from analysis.collision.linear_coefficients import ROOM, SEEN, coefficients, state_coefficients
+from analysis.collision.solver.linear_coefficients import ROOM, SEEN, coefficients, state_coefficients
 
 POINTS = np.random.default_rng(1).standard_normal((5, STATES))
 POINTS[:, SIGN_V], POINTS[:, BLOCK_MASS], POINTS[:, PLATE_STIFFNESS] = -1.0, 0.02, 200.0

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.linearisation import RANGE, TURN, _cut_at_events, _guard_of, _write_instants
-from analysis.collision.modes import (
+from analysis.collision.solver.linearisation import RANGE, TURN, _cut_at_events, _guard_of, _write_instants
+from analysis.collision.solver.modes import (
     CONTACT,
     FORCE,
     FREE,

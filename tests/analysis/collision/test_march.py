@@ -7,16 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import (
-    general,
-    march,
-    mechanical_effects,
-    propagator,
-    runge_kutta,
-)
 from analysis.collision.effects import effect_named
-from analysis.collision.general import ActiveEffect, direction
 from analysis.collision.parameters import KERNEL_ORDER, Collision, Variant
+from analysis.collision.solver import general, march, mechanical_effects, propagator, runge_kutta
+from analysis.collision.solver.general import ActiveEffect, direction
 from tests.analysis.collision.hybrid import Beside, Hybrid, moved
 from tests.analysis.collision.plain import LINES_FOLLOWED, solver_in_python
 

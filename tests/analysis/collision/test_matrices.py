@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import matrices, modes, rates, system
 from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, OUTPUTS, STATES, V, X
-from analysis.collision.matrices import ModeMatrices
-from analysis.collision.modes import CONTACT, FREE, NEAR_0, PLATE, RANGE_0
-from analysis.collision.system import FIRST, RANGE_AT, RATE_AT, SLOT_COLUMNS, System
+from analysis.collision.solver import matrices, modes, rates, system
+from analysis.collision.solver.matrices import ModeMatrices
+from analysis.collision.solver.modes import CONTACT, FREE, NEAR_0, PLATE, RANGE_0
+from analysis.collision.solver.system import FIRST, RANGE_AT, RATE_AT, SLOT_COLUMNS, System
 from tests.analysis.collision.plain import made_plain
 
 K_P, M_P, K_N, GAMMA, M_B, REACH = 7.0, 0.5, 11.0, 2.5, 4.0, 0.25

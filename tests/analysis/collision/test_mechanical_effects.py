@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import general, mechanical_effects
 from analysis.collision.effects import effect_named
-from analysis.collision.mechanical_effects import (
+from analysis.collision.parameters import KERNEL_ORDER, PAPER, Collision, Variant
+from analysis.collision.solver import general, mechanical_effects
+from analysis.collision.solver.mechanical_effects import (
     ActiveEffect,
     active_effects,
     build_system,
@@ -18,7 +19,6 @@ from analysis.collision.mechanical_effects import (
     direction,
     fastest_rates,
 )
-from analysis.collision.parameters import KERNEL_ORDER, PAPER, Collision, Variant
 
 LOCKED = replace(PAPER, plate_mass_kg=math.inf, plate_stiffness_n_per_m=0.0)
 

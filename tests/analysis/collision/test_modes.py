@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import modes
-from analysis.collision.modes import (
+from analysis.collision.solver import modes
+from analysis.collision.solver.modes import (
     CLAMPED,
     CONTACT,
     DASHPOT,
@@ -28,7 +28,7 @@ from analysis.collision.modes import (
     SPRING,
     VELOCITY,
 )
-from analysis.collision.system import MOVES, RANGE_AT, SLOT_COLUMNS
+from analysis.collision.solver.system import MOVES, RANGE_AT, SLOT_COLUMNS
 
 
 def flags(phase: int, *, plate: float = 1.0, sign: float = -1.0, near: tuple[float, ...] = ()) -> np.ndarray:

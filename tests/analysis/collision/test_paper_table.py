@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.gear import simulate
-from analysis.collision.general import solve
 from analysis.collision.parameters import PAPER, Variant
+from analysis.collision.solver.gear import simulate
+from analysis.collision.solver.general import solve
 
 ONSETS_S = [0.0, 1.56573968e-3, 2.34904083e-3]
 RELEASES_S = [0.45318387e-3, 2.16218652e-3, 28.70771255e-3]

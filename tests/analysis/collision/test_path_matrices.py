@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.collision import general, on_moving_frame, path_matrices
-from analysis.collision.linearisation import LinearPath, linear_path
 from analysis.collision.parameters import Collision, Infeasible
+from analysis.collision.solver import general, on_moving_frame, path_matrices
+from analysis.collision.solver.linearisation import LinearPath, linear_path
 from tests.analysis.collision.hybrid import Beside, Hybrid
 from tests.analysis.collision.paths import CASES, RIG, TIME_S, noting, paths_in_python
 

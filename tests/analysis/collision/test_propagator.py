@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from analysis.collision import exponentials, matrices, modes, system, two_bodies
-from analysis.collision import propagator as module
-from analysis.collision.matrices import SLOW, STEP_S, STEPS_PER_SAMPLE, TERMS
-from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAP, PHASE, PLATE, VELOCITY
-from analysis.collision.propagator import CHECKED_BLOCK, MODES_MET, PRESENT, STEPS_TO_SAMPLE
-from analysis.collision.system import (
+from analysis.collision.solver import exponentials, matrices, modes, system, two_bodies
+from analysis.collision.solver import propagator as module
+from analysis.collision.solver.matrices import SLOW, STEP_S, STEPS_PER_SAMPLE, TERMS
+from analysis.collision.solver.modes import CONTACT, FREE, NEAR_0, OVERLAP, PHASE, PLATE, VELOCITY
+from analysis.collision.solver.propagator import CHECKED_BLOCK, MODES_MET, PRESENT, STEPS_TO_SAMPLE
+from analysis.collision.solver.system import (
     DONE,
     LEFT_FOR_GOOD,
     MAY_CONTAIN_EVENT,

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
-from analysis.collision import general
 from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER, Collision, Variant
+from analysis.collision.solver import general
 from tests.analysis.collision.simulated import with_vector
 
 RIGS = st.builds(

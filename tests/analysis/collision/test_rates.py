@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import modes, rates, system
 from analysis.collision.effects.kernel import (
     BLOCK_MASS,
     CONTACT_STIFFNESS,
@@ -32,8 +31,9 @@ from analysis.collision.effects.kernel import (
     X,
     Y,
 )
-from analysis.collision.modes import CONTACT, FREE, INNER_MASS, NEAR_0, OVERLAPPED, PARTING, PLATE, SIGN
-from analysis.collision.system import (
+from analysis.collision.solver import modes, rates, system
+from analysis.collision.solver.modes import CONTACT, FREE, INNER_MASS, NEAR_0, OVERLAPPED, PARTING, PLATE, SIGN
+from analysis.collision.solver.system import (
     FIRST,
     HIDDEN,
     IS_PAIR,

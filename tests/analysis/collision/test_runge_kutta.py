@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from analysis.collision import modes, system
-from analysis.collision import runge_kutta as module
-from analysis.collision.modes import CONTACT, FREE, NEAR_0, PHASE, PLATE, VELOCITY
-from analysis.collision.runge_kutta import (
+from analysis.collision.solver import modes, system
+from analysis.collision.solver import runge_kutta as module
+from analysis.collision.solver.modes import CONTACT, FREE, NEAR_0, PHASE, PLATE, VELOCITY
+from analysis.collision.solver.runge_kutta import (
     ALLOWED,
     EVER,
     HELD,
@@ -22,7 +22,7 @@ from analysis.collision.runge_kutta import (
     STEP,
     SWINGS,
 )
-from analysis.collision.system import (
+from analysis.collision.solver.system import (
     DONE,
     HIDDEN,
     LEFT_FOR_GOOD,

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import general, march
 from analysis.collision.effects import effect_named
 from analysis.collision.effects.row import Effect
-from analysis.collision.general import Event, EventLog, Trajectory
-from analysis.collision.mechanical_effects import ActiveEffect, FastestRates
 from analysis.collision.parameters import PAPER, Collision, Variant
-from analysis.collision.runge_kutta import ALLOWED, EFFECTS, GROWTH, NEARING, SAFE, SHORTEST, SWINGS
+from analysis.collision.solver import general, march
+from analysis.collision.solver.general import Event, EventLog, Trajectory
+from analysis.collision.solver.mechanical_effects import ActiveEffect, FastestRates
+from analysis.collision.solver.runge_kutta import ALLOWED, EFFECTS, GROWTH, NEARING, SAFE, SHORTEST, SWINGS
 
 RIG = Collision(1.0, -1.0, 1.0, 1.0, 10.0, 3.0)
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from analysis.collision import modes, two_bodies
-from analysis.collision.matrices import STEP_S
-from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAP, OVERLAP_RATE, PHASE, PLATE, VELOCITY
-from analysis.collision.system import Ahead
+from analysis.collision.solver import modes, two_bodies
+from analysis.collision.solver.matrices import STEP_S
+from analysis.collision.solver.modes import CONTACT, FREE, NEAR_0, OVERLAP, OVERLAP_RATE, PHASE, PLATE, VELOCITY
+from analysis.collision.solver.system import Ahead
 from tests.analysis.collision.plain import made_plain
 
 H = 0.05

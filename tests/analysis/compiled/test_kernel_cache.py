@@ -134,19 +134,23 @@ def test_imports_of_any_form(text: str) -> None:
 
 
 def test_a_source_that_changed_under_a_running_process_is_not_trusted(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert kernel_cache._text_digest("analysis.collision.gear") == kernel_cache._text_digest("analysis.collision.gear")
+    assert kernel_cache._text_digest("analysis.collision.solver.gear") == kernel_cache._text_digest(
+        "analysis.collision.solver.gear"
+    )
     monkeypatch.setattr(kernel_cache, "_BEGAN_NS", 0)  # as though everything had changed since
-    assert kernel_cache._text_digest("analysis.collision.gear") != kernel_cache._text_digest("analysis.collision.gear")
+    assert kernel_cache._text_digest("analysis.collision.solver.gear") != kernel_cache._text_digest(
+        "analysis.collision.solver.gear"
+    )
 
 
 def test_without_sources_the_installation_stands_for_them(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernel_cache, "source_of", lambda module: None)
-    listed = kernel_cache._text_digest("analysis.collision.gear")
-    assert listed == kernel_cache._text_digest("analysis.collision.gear")
+    listed = kernel_cache._text_digest("analysis.collision.solver.gear")
+    assert listed == kernel_cache._text_digest("analysis.collision.solver.gear")
     another = SimpleNamespace(read_text=lambda name: "another list", version="0")  # whoever finds distributions
     monkeypatch.setattr(metadata, "distribution", lambda name: another)
     kernel_cache._installation.cache_clear()
-    assert kernel_cache._text_digest("analysis.collision.gear") != listed
+    assert kernel_cache._text_digest("analysis.collision.solver.gear") != listed
     kernel_cache._installation.cache_clear()
 
 
@@ -244,7 +248,7 @@ def test_a_folder_that_others_may_write_to_is_not_loaded_from(tmp_path: Path) ->
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no owners here")
 def test_nor_is_one_kernel_folder_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    module = "analysis.collision.gear"
+    module = "analysis.collision.solver.gear"
     folder = kernel_cache.folder_of(module)
     assert folder.is_relative_to(tmp_path)
     folder.mkdir(parents=True)

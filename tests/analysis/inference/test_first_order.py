@@ -10,8 +10,8 @@ import pytest
 from analysis.collision.effects import CATALOGUE, effect_named
 from analysis.collision.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.collision.effects.row import Acts, Effect, Parameter
-from analysis.collision.first_order import first_order_change
 from analysis.collision.parameters import PAPER
+from analysis.collision.solver.first_order import first_order_change
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.free_parameters import trial_effect

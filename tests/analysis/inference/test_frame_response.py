@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.collision.general import solve
-from analysis.collision.linearisation import linear_path
-from analysis.collision.mechanical_effects import ActiveEffect
-from analysis.collision.on_moving_frame import moved_by_frame
 from analysis.collision.parameters import PAPER
+from analysis.collision.solver.general import solve
+from analysis.collision.solver.linearisation import linear_path
+from analysis.collision.solver.mechanical_effects import ActiveEffect
+from analysis.collision.solver.on_moving_frame import moved_by_frame
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise.frame_response import STILL, plate_swing_std, responses
 from analysis.pipeline import analyse

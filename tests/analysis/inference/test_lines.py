@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.collision.linearisation import linear_path
-from analysis.collision.on_moving_frame import moved_by_frame
 from analysis.collision.parameters import Collision
+from analysis.collision.solver.linearisation import linear_path
+from analysis.collision.solver.on_moving_frame import moved_by_frame
 from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.screen import lines
 from analysis.inference.screen.lines import _Waves, _waves, scan, starts_near_strong_lines

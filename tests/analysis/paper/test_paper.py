@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.collision.general import solve
 from analysis.collision.parameters import PAPER, Variant
+from analysis.collision.solver.general import solve
 from analysis.paper import paper as papers
 from analysis.paper.paper import PaperRow, Reproduction, Status, reproduce
 from analysis.paper.paper_audit import audit_values

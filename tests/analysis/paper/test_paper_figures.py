@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision.general import solve
 from analysis.collision.parameters import PAPER
+from analysis.collision.solver.general import solve
 from analysis.paper.paper_figures import figures, plate_from_force
 from analysis.reading.read import read_impact
 from analysis.shot.quantity import NotSeen, Quantity

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from analysis.collision import general
 from analysis.collision.effects import effect_named
 from analysis.collision.parameters import Collision
+from analysis.collision.solver import general
 from instrument.bench.effects import CATALOGUE, draw
 from instrument.bench.measured_path import simulate_collision
 from instrument.bench.mechanics import Bodies, collide

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.collision import general
 from analysis.collision.effects import effect_named
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.forms import FORMS
 from analysis.collision.laws.user_law import LawError, UserLaw, _random_states, known_effect, law_from_table
 from analysis.collision.parameters import PAPER, Collision
+from analysis.collision.solver import general
 from tests.law_rigs import Bodies, LawRig, Memory
 
 TIMES_S = np.arange(-1000, 4001) * 1e-5

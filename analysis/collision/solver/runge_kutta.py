@@ -13,7 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.modes import (
+from analysis.collision.parameters import Floats
+from analysis.collision.solver.modes import (
     FREE,
     PHASE,
     PLATE,
@@ -24,9 +25,8 @@ from analysis.collision.modes import (
     may_have_left_for_good,
     may_touch,
 )
-from analysis.collision.parameters import Floats
-from analysis.collision.rates import derivative_rates, rates, state_rates
-from analysis.collision.system import (
+from analysis.collision.solver.rates import derivative_rates, rates, state_rates
+from analysis.collision.solver.system import (
     DONE,
     HIDDEN,
     LEFT_AT,

@@ -13,13 +13,14 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import general
 from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, PAIR, STATES
 from analysis.collision.effects.row import Acts, Effect, Parameter
-from analysis.collision.general import TooManyEvents, UnboundedMotion
-from analysis.collision.march import RANGE, TURN
-from analysis.collision.mechanical_effects import ActiveEffect, build_system, direction, fastest_rates
-from analysis.collision.modes import (
+from analysis.collision.parameters import Collision, Floats, Infeasible
+from analysis.collision.solver import general
+from analysis.collision.solver.general import TooManyEvents, UnboundedMotion
+from analysis.collision.solver.march import RANGE, TURN
+from analysis.collision.solver.mechanical_effects import ActiveEffect, build_system, direction, fastest_rates
+from analysis.collision.solver.modes import (
     FORCE,
     FREE,
     NEAR_0,
@@ -32,9 +33,8 @@ from analysis.collision.modes import (
     SIGN,
     VELOCITY,
 )
-from analysis.collision.parameters import Collision, Floats, Infeasible
-from analysis.collision.path_matrices import FRESH, INPUTS, NONE, Matrices, Steps, room_for, write_matrices
-from analysis.collision.system import Integers
+from analysis.collision.solver.path_matrices import FRESH, INPUTS, NONE, Matrices, Steps, room_for, write_matrices
+from analysis.collision.solver.system import Integers
 from analysis.compiled import kernel
 
 _SWING = 0.25  # largest phase step in rad

@@ -1,6 +1,6 @@
 """Matrix exponentials of a linear mode, their application to a state, and means over a block of steps (kernels)."""
 
-from analysis.collision.matrices import TERMS
+from analysis.collision.solver.matrices import TERMS
 from analysis.compiled import add_product, add_products, four_of, four_zeros, inlined, part, put_four
 
 _MAX_TERMS = 60

@@ -3,8 +3,8 @@
 ``step_to`` is a function of the stepper: it writes the state at a given time after the start of the step to ``there``.
 """
 
-from analysis.collision.modes import VELOCITY, guard, guard_rate, may_touch
-from analysis.collision.rates import rates
+from analysis.collision.solver.modes import VELOCITY, guard, guard_rate, may_touch
+from analysis.collision.solver.rates import rates
 from analysis.compiled import part
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from analysis.collision.effects.kernel import OUTPUTS, STATES, Kernel, address, complex_address
 from analysis.collision.effects.row import Acts, Effect
 from analysis.collision.parameters import KERNEL_ORDER, Collision, Floats
-from analysis.collision.system import SLOT_COLUMNS, SLOT_PARAMETERS, System
+from analysis.collision.solver.system import SLOT_COLUMNS, SLOT_PARAMETERS, System
 
 _STEP = 1e-40  # size of a complex step
 _PLATE = KERNEL_ORDER[:2]  # stiffness and mass

@@ -15,9 +15,9 @@ Within a mode a stepper solves the motion: ``propagator`` (closed form, if the e
 
 import math
 
-from analysis.collision import propagator, runge_kutta
-from analysis.collision.crossings import first_crossing
-from analysis.collision.modes import (
+from analysis.collision.solver import propagator, runge_kutta
+from analysis.collision.solver.crossings import first_crossing
+from analysis.collision.solver.modes import (
     CONTACT,
     FORCE,
     FREE,
@@ -37,8 +37,8 @@ from analysis.collision.modes import (
     range_at,
     set_phase,
 )
-from analysis.collision.rates import rates
-from analysis.collision.system import (
+from analysis.collision.solver.rates import rates
+from analysis.collision.solver.system import (
     DONE,
     LEFT_AT,
     LEFT_FOR_GOOD,

@@ -10,7 +10,8 @@ that are not linear are left to ``runge_kutta``.
 import math
 from typing import NamedTuple
 
-from analysis.collision.exponentials import (
+from analysis.collision.parameters import Floats
+from analysis.collision.solver.exponentials import (
     add_block_mean,
     block_matrices,
     exponential,
@@ -19,7 +20,7 @@ from analysis.collision.exponentials import (
     step,
     step_without_derivatives,
 )
-from analysis.collision.matrices import (
+from analysis.collision.solver.matrices import (
     SLOW,
     STEP_S,
     STEPS_PER_SAMPLE,
@@ -32,7 +33,7 @@ from analysis.collision.matrices import (
     linearise,
     room_of,
 )
-from analysis.collision.modes import (
+from analysis.collision.solver.modes import (
     FREE,
     NEAR_0,
     OVERLAP,
@@ -44,9 +45,8 @@ from analysis.collision.modes import (
     may_have_left_for_good,
     may_touch,
 )
-from analysis.collision.parameters import Floats
-from analysis.collision.rates import rates
-from analysis.collision.system import (
+from analysis.collision.solver.rates import rates
+from analysis.collision.solver.system import (
     DONE,
     LEFT_FOR_GOOD,
     MAY_CONTAIN_EVENT,
@@ -59,7 +59,7 @@ from analysis.collision.system import (
     State,
     state_of,
 )
-from analysis.collision.two_bodies import step_two_bodies, step_two_bodies_in_blocks
+from analysis.collision.solver.two_bodies import step_two_bodies, step_two_bodies_in_blocks
 from analysis.compiled import by_address, cut, cut_integers, inlined, part
 
 _STEP = 0.7  # longest step times the fastest rate: nine steps per period, so that no touch is missed

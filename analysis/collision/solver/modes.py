@@ -6,7 +6,7 @@ the direction of the block.
 
 import math
 
-from analysis.collision.system import MOVES, RANGE_AT
+from analysis.collision.solver.system import MOVES, RANGE_AT
 from analysis.compiled import inlined, part
 
 # PARTING: contact without its dashpot; OVERLAPPED: released, though the bodies still overlap

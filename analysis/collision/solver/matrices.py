@@ -6,10 +6,10 @@ are the state and its derivatives with respect to the parameters, S' = A S + (dA
 
 from typing import NamedTuple
 
-from analysis.collision.modes import OVERLAP, PLATE, RANGE_0, VELOCITY, range_at
 from analysis.collision.parameters import Floats
-from analysis.collision.rates import rates
-from analysis.collision.system import RANGE_AT
+from analysis.collision.solver.modes import OVERLAP, PLATE, RANGE_0, VELOCITY, range_at
+from analysis.collision.solver.rates import rates
+from analysis.collision.solver.system import RANGE_AT
 from analysis.compiled import cut, inlined, part
 
 _SAME = 1e-11  # relative tolerance within which test states must give the same A

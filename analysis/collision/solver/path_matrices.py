@@ -4,10 +4,10 @@ import math
 from typing import NamedTuple
 
 from analysis.collision.effects.kernel import NEAR, STATES, Q, W
-from analysis.collision.modes import guard_derivative
 from analysis.collision.parameters import Floats
-from analysis.collision.rates import rates
-from analysis.collision.system import Integers, state_of
+from analysis.collision.solver.modes import guard_derivative
+from analysis.collision.solver.rates import rates
+from analysis.collision.solver.system import Integers, state_of
 from analysis.compiled import by_address, cut, inlined, kernel, part
 
 # Inputs of a small effect: forces in N on block, on plate and between them, inertia in kg added to the block,

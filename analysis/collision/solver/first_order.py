@@ -15,7 +15,8 @@ import numpy as np
 
 from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, ON_PLATE, OUTPUTS, PAIR, STATES, V, X, address
 from analysis.collision.effects.row import Acts, Effect
-from analysis.collision.linear_coefficients import (
+from analysis.collision.parameters import Collision, Floats
+from analysis.collision.solver.linear_coefficients import (
     ROOM,
     SEEN,
     call_effect,
@@ -23,10 +24,9 @@ from analysis.collision.linear_coefficients import (
     hidden_steps,
     state_coefficients,
 )
-from analysis.collision.linearisation import LinearPath
-from analysis.collision.mechanical_effects import function_of
-from analysis.collision.parameters import Collision, Floats
-from analysis.collision.path_matrices import INPUTS
+from analysis.collision.solver.linearisation import LinearPath
+from analysis.collision.solver.mechanical_effects import function_of
+from analysis.collision.solver.path_matrices import INPUTS
 from analysis.compiled import by_address, cut, cut_integers, kernel, part
 
 _PROBED = 16  # points along the trajectory at which the linearity of an effect's function is checked

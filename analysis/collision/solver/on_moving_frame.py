@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from analysis.collision.first_order import jump_at_event, weighted_sum
-from analysis.collision.linearisation import LinearPath
 from analysis.collision.parameters import Collision, Floats
+from analysis.collision.solver.first_order import jump_at_event, weighted_sum
+from analysis.collision.solver.linearisation import LinearPath
 from analysis.compiled import by_address, kernel, part
 
 _SAME = 1e-9  # relative difference within which two steps have the same length

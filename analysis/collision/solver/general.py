@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision import march
-from analysis.collision.mechanical_effects import ActiveEffect as ActiveEffect
-from analysis.collision.mechanical_effects import FastestRates, build_system, fastest_rates
-from analysis.collision.mechanical_effects import direction as direction
-from analysis.collision.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING
 from analysis.collision.parameters import Collision, Floats
-from analysis.collision.system import MAX_EVENTS, Record, System
+from analysis.collision.solver import march
+from analysis.collision.solver.mechanical_effects import ActiveEffect as ActiveEffect
+from analysis.collision.solver.mechanical_effects import FastestRates, build_system, fastest_rates
+from analysis.collision.solver.mechanical_effects import direction as direction
+from analysis.collision.solver.modes import CONTACT, FREE, NEAR_0, OVERLAPPED, PARTING
+from analysis.collision.solver.system import MAX_EVENTS, Record, System
 
 _BASE_STEP = 0.14  # phase step, in rad, of the fastest oscillation of block, contact and plate: error 1e-12
 _HIDDEN_STEP = 0.22  # phase step, in rad, of an effect's own oscillation, which is small compared with the motion

@@ -31,8 +31,8 @@ from analysis.collision.effects.kernel import (
     Y,
     call_within,
 )
-from analysis.collision.modes import DASHPOT, INNER_MASS, NEAR_0, PARTED, PLATE, SIGN, SPRING
-from analysis.collision.system import FIRST, HIDDEN, IS_PAIR, MOVES, ON_PLATE_SIDE, RIDES
+from analysis.collision.solver.modes import DASHPOT, INNER_MASS, NEAR_0, PARTED, PLATE, SIGN, SPRING
+from analysis.collision.solver.system import FIRST, HIDDEN, IS_PAIR, MOVES, ON_PLATE_SIDE, RIDES
 from analysis.compiled import inlined, part
 
 # The complex step: far below rounding, and far above the smallest float even when raised to a power.  A power of two is

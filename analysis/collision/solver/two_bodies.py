@@ -1,7 +1,7 @@
 """Step two bodies without hidden states from sample to sample, with the propagator in registers (kernels)."""
 
-from analysis.collision.matrices import STEP_S
-from analysis.collision.modes import OVERLAP, VELOCITY, may_have_left_for_good
+from analysis.collision.solver.matrices import STEP_S
+from analysis.collision.solver.modes import OVERLAP, VELOCITY, may_have_left_for_good
 from analysis.compiled import inlined, part
 
 

@@ -10,15 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
+from analysis.inference.noise.kalman import Mask
 from analysis.inference.noise.site import Site
 from analysis.shot import Floats
 from analysis.signal import MIN_NOISE_M
 
-Mask = NDArray[np.bool_]
 Spectrum = tuple[Floats, Floats]  # angles, powers per sample
 _FEWEST = 24  # fewest samples of a flight for a noise estimate
 _TREND = 2  # degree of the subtracted polynomial: the flight, and drag too slow to distinguish from it

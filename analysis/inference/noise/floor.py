@@ -2,8 +2,8 @@
 
 A few milliseconds of quiet flight cannot show how far an optical path wanders in fifty.  This noise is therefore
 estimated from the whole residual, separately for every model that is compared.  Each process obeys
-d x = -x/tau dt + s dW; a long tau is a random walk.  A Kalman filter computes the exact likelihood, gaps included
-(Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter", ch. 3).
+d x = -x/tau dt + s dW; a long tau is a random walk.  A Kalman filter (``kalman.py``) computes the exact likelihood,
+gaps included.
 """
 
 import math
@@ -11,66 +11,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-from analysis.inference.noise.likeliest import (
-    LONGEST_TAU_S,
-    SHORTEST_TAU_S,
-    Series,
-    likeliest,
-    likelihood,
-    shape_at,
-    steps_of,
-)
+from analysis.inference.noise.kalman import Mask, Series, gains, innovations, steps_of
+from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S, likeliest, likelihood, shape_at
 from analysis.shot import Floats
 from analysis.signal import white_noise
 
-Mask = NDArray[np.bool_]
 _NOTHING = np.array([0.0, 1e-2, 0.0, 1e-2])  # shape of white noise alone: (rms over white, tau in s) of both parts
 _SIDE, _NEAR, _ALIKE = 0.6, 2e-2, 5e-2  # simplex of a search: initial side, final size, final spread of ln L
 _EVALUATIONS = 60  # largest number in a search, per wandering part
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _gains(valid, white, parts, gain, scale):  # type: ignore[no-untyped-def]
-    """Write the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,); about 15 ns per sample.
-
-    ``parts`` are (step variance, memory of a step, variance) of the first wandering part, then of the second.
-    """
-    q0, phi0, p0, q1, phi1, p1 = parts
-    a, b, c = p0, 0.0, p1
-    for i in range(valid.size):
-        if i > 0:
-            a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
-        if not valid[i]:
-            gain[i, 0], gain[i, 1], scale[i] = 0.0, 0.0, 0.0
-            continue
-        variance = a + 2 * b + c + white
-        k0, k1 = (a + b) / variance, (b + c) / variance
-        gain[i, 0], gain[i, 1], scale[i] = k0, k1, 1.0 / math.sqrt(variance)
-        a, b, c = a - k0 * (a + b), b - k0 * (b + c), c - k1 * (b + c)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _innovations(columns, gain, scale, phi0, phi1, out):  # type: ignore[no-untyped-def]
-    """Write the innovations of every column, divided by their std; about 5 ns per value."""
-    n, width = columns.shape
-    state = np.zeros((2, width))
-    row = 0
-    for i in range(n):
-        if scale[i] == 0.0:
-            for k in range(width):
-                state[0, k] *= phi0
-                state[1, k] *= phi1
-            continue
-        k0, k1, s = gain[i, 0], gain[i, 1], scale[i]
-        for k in range(width):
-            error = columns[i, k] - state[0, k] - state[1, k]
-            out[row, k] = error * s
-            state[0, k] = phi0 * (state[0, k] + k0 * error)
-            state[1, k] = phi1 * (state[1, k] + k1 * error)
-        row += 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +75,7 @@ class Floor:
         """
         gain, scale = self._filter(valid, weight)
         out = np.empty((int(valid.sum()), columns.shape[1]))
-        _innovations(np.ascontiguousarray(columns), gain, scale, self.kalman[2], self.kalman[5], out)
+        innovations(np.ascontiguousarray(columns), gain, scale, self.kalman[2], self.kalman[5], out)
         return out
 
     def log_variances(self, valid: Mask, weight: float = 1.0) -> float:
@@ -137,7 +86,7 @@ class Floor:
     def _filter(self, valid: Mask, weight: float) -> tuple[Floats, Floats]:
         """Return the Kalman gains, shape (n, 2), and 1/std of the innovations, shape (n,), zero where not valid."""
         gain, scale = np.empty((valid.size, 2)), np.empty(valid.size)
-        _gains(valid, self.white_m**2 * weight**2, self.kalman[1:], gain, scale)
+        gains(valid, self.white_m**2 * weight**2, self.kalman[1:], gain, scale)
         return gain, scale
 
 

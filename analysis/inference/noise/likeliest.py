@@ -1,79 +1,14 @@
 """Maximise the likelihood of white noise plus wandering (Ornstein-Uhlenbeck) parts (njit)."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from analysis.shot import Floats
+from analysis.inference.noise.kalman import normalised, steps_of
 
-Mask = NDArray[np.bool_]
 SHORTEST_TAU_S, LONGEST_TAU_S = 3e-4, 1.0
 _MIN_RATIO, _MAX_RATIO, _MAX_SHARE = -12.0, 14.0, 40.0  # limits of the search coordinates
-
-
-class Series(NamedTuple):
-    """The residuals on which noise models are compared: all shots concatenated, shot j starting at ``first[j]``.
-
-    ``white`` are the shots' relative white variances; ``samples`` is the number of valid values.
-    """
-
-    values: Floats
-    valid: Mask
-    first: NDArray[np.int64]
-    white: Floats
-    spacing_s: float
-    samples: int
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def steps_of(one, memory_s, two, other_s, spacing_s):  # type: ignore[no-untyped-def]
-    """Return (step variance, memory of a step, variance) of each of two parts of rms ``one`` and ``two``."""
-    return (
-        one * one * -math.expm1(-2 * spacing_s / memory_s), math.exp(-spacing_s / memory_s), one * one,
-        two * two * -math.expm1(-2 * spacing_s / other_s), math.exp(-spacing_s / other_s), two * two,
-    )  # fmt: skip
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _normalised(series, kalman):  # type: ignore[no-untyped-def]
-    """Return (sum of squared innovations over their variances, sum of log variances) of all shots.
-
-    ``kalman`` is the result of ``steps_of`` for rms in units of the white noise.  Variances are no longer updated once
-    they are stationary.  About 10 ns per sample.
-    """
-    q0, phi0, p0, q1, phi1, p1 = kalman
-    values, valid, first, white = series.values, series.valid, series.first, series.white
-    square, logs = 0.0, 0.0
-    for shot in range(white.size):
-        a, b, c = p0, 0.0, p1
-        s0, s1 = 0.0, 0.0
-        k0, k1, variance, log_variance = 0.0, 0.0, 1.0, 0.0
-        steady = False
-        for i in range(first[shot], first[shot + 1]):
-            if i > first[shot]:
-                s0, s1 = phi0 * s0, phi1 * s1
-                if not steady:
-                    a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
-            if not valid[i]:
-                if steady:  # the state's variance grows across a gap
-                    a, b, c = phi0 * phi0 * a + q0, phi0 * phi1 * b, phi1 * phi1 * c + q1
-                steady = False
-                continue
-            if not steady:
-                before = variance
-                variance = a + 2 * b + c + white[shot]
-                log_variance = math.log(variance)
-                k0, k1 = (a + b) / variance, (b + c) / variance
-                steady = abs(variance - before) < 1e-9 * variance
-                a, b, c = a - k0 * (a + b), b - k0 * (b + c), c - k1 * (b + c)
-            error = values[i] - s0 - s1
-            square += error * error / variance
-            logs += log_variance
-            s0, s1 = s0 + k0 * error, s1 + k1 * error
-    return square, logs
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -82,7 +17,7 @@ def likelihood(series, shape):  # type: ignore[no-untyped-def]
 
     The white rms follows in closed form from the normalised innovations.
     """
-    square, logs = _normalised(series, steps_of(shape[0], shape[1], shape[2], shape[3], series.spacing_s))
+    square, logs = normalised(series, steps_of(shape[0], shape[1], shape[2], shape[3], series.spacing_s))
     variance = max(square / series.samples, 1e-40)
     value = -0.5 * (series.samples * math.log(2 * math.pi * variance) + logs + series.samples)
     return value, math.sqrt(variance)

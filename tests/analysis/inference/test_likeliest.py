@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from analysis.inference.noise.likeliest import Series, likeliest, likelihood, shape_at
+from analysis.inference.noise.kalman import Series
+from analysis.inference.noise.likeliest import likeliest, likelihood, shape_at
 
 Floats = NDArray[np.float64]
 SPACING_S = 5e-5

@@ -10,7 +10,6 @@ from .restricted_likelihood import (
     chain_precision,
     mixture_covariance,
     points_about,
-    root_of,
 )
 from .site import CENTRES_HZ, CRITERIA_M_PER_S, MIN_S, PlannedShot, SiteFloor, read_site
 
@@ -37,5 +36,4 @@ __all__ = [
     "read_frame_motion",
     "read_impact",
     "read_site",
-    "root_of",
 ]

@@ -50,6 +50,20 @@ class Bands:
             np.matmul(moved, moved.T, out=covariance)
         return out.reshape(len(out), -1)
 
+    def root(self, at: Floats, rounding: float = 0.0) -> Floats:
+        """Return the Cholesky factor of the covariance of white noise and motion along the directions, (r, r), lower.
+
+        It is in units of the white variance; ``at`` is (ln white^2, ln strengths).  The motion's diagonal is first
+        increased by its fraction ``rounding``.  LinAlgError if rounding leaves no Cholesky factor.
+        """
+        motion = (np.exp(at[1:] - at[0]) @ self.covariances).reshape(len(self.factors), -1)
+        diagonal = np.einsum("ii->i", motion)  # a view
+        diagonal += 1.0 + rounding * diagonal
+        upper, failed = dpotrf(motion.T, overwrite_a=True)
+        if failed or not np.isfinite(upper[-1, -1]):
+            raise np.linalg.LinAlgError("the covariance has no Cholesky factor")
+        return np.asarray(upper.T)
+
 
 @dataclass(frozen=True, slots=True)
 class ShotResidual:
@@ -83,8 +97,7 @@ class ShotResidual:
 
     def _factored(self, at: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the Cholesky factor of the covariance, ``along`` divided by it, and ``products``."""
-        motion = (np.exp(at[1:] - at[0]) @ self.bands.covariances).reshape(len(self.along), -1)
-        root = root_of(motion, self.rounding)
+        root = self.bands.root(at, self.rounding)
         half = solve_triangle(root, self.along, lower=True)
         return root, half, np.asarray(self.rest_products + half.T @ half)
 
@@ -282,20 +295,6 @@ def _corrected(curve: Floats, step: Floats, fallen: Floats) -> Floats:
         return curve
     along = curve @ step
     return np.asarray(curve + np.outer(fallen / seen, fallen) - np.outer(along / float(step @ along), along))
-
-
-def root_of(motion: Floats, rounding: float = 0.0) -> Floats:
-    """Return the Cholesky factor of 1 + motion, the covariance along whitened directions, shape (r, r), lower.
-
-    ``motion`` is overwritten; its diagonal is first increased by its fraction ``rounding``.  LinAlgError if rounding
-    leaves no Cholesky factor.
-    """
-    diagonal = np.einsum("ii->i", motion)  # a view
-    diagonal += 1.0 + rounding * diagonal
-    upper, failed = dpotrf(motion.T, overwrite_a=True)
-    if failed or not np.isfinite(upper[-1, -1]):
-        raise np.linalg.LinAlgError("the covariance has no Cholesky factor")
-    return np.asarray(upper.T)
 
 
 def chain_precision(level_std: Floats, step_std: Floats) -> Floats:

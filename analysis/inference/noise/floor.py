@@ -62,6 +62,11 @@ class Floor:
         return replace(self, rms_m=(0.0, 0.0), site=())
 
     @property
+    def logarithms(self) -> Floats:
+        """Get (ln white_m^2, *site), shape (1 + bands,): the vector of a ``RestrictedLikelihood``."""
+        return np.array([2.0 * math.log(self.white_m), *self.site])
+
+    @property
     def kalman(self) -> tuple[float, float, float, float, float, float, float]:
         """Get white variance, then (step variance, memory of a step, variance) of each part."""
         (one, two), (memory_s, other_s) = self.rms_m, self.tau_s

@@ -20,6 +20,7 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_floor
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
 from analysis.inference.noise.site import Site
+from analysis.inference.noise.sway import shape_of
 from analysis.reading import (
     Curvature,
     Likelihood,
@@ -135,9 +136,9 @@ def learn(
     left = _ShotSet(series, no_parameters, shots, site)
     spacing_s = shots[0].spacing_s
     start = start if start is not None and start.site else None
-    at = np.array([2.0 * math.log(start.white_m), *start.site]) if start is not None else None
+    at = start.logarithms if start is not None else None
     if start is not None and not parts:
-        found = left.found(_shape_of(start), at)
+        found = left.found(shape_of(start), at)
         return found.floor, found.value
     best = left.found(white_floor(1.0, spacing_s), at)
     most = parts if start is None else max(1, sum(rms > 0 for rms in start.rms_m))
@@ -158,7 +159,7 @@ def _with_next_part(
     None if a second part does not help even at its rough start.
     """
     if start is not None and start.rms_m[number - 1] > 0:
-        return left.nearby(left.found(_shape_of(start, number), best.at), number, _CLOSER)
+        return left.nearby(left.found(shape_of(start, number), best.at), number, _CLOSER)
     begins = [left.found(_with_a_part(best.shape, number, tau_s), best.at) for tau_s in _TAU_S[number - 1]]
     begin = max(begins, key=lambda found: found.value)
     return None if number > 1 and begin.value < best.value else left.nearby(begin, number, _SIDES)
@@ -198,9 +199,9 @@ def likely_strengths(
     restricted likelihood (Patterson & Thompson, Biometrika 58, 1971) corrects for this.  Cost: about 10 ms per shot.
     Raises LinAlgError if the parameters are not determined.
     """
-    left, shape = _ShotSet(series, tangents, shots, site), _shape_of(start)
+    left, shape = _ShotSet(series, tangents, shots, site), shape_of(start)
     likelihood = left.under(shape)
-    best = likelihood.greatest((np.array([2.0 * math.log(start.white_m), *start.site]),), left.curve)
+    best = likelihood.greatest((start.logarithms,), left.curve)
     likelihood.curvature(best)  # cached for the covariance; raises LinAlgError if the parameters are not determined
     floor = _LikeliestStrengths(shape, best.at, best.value).floor
     return LikelyStrengths(floor, likelihood, best, tangents.size)
@@ -212,12 +213,6 @@ def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
     first = (rms, tau_s) if number == 1 else (shape.rms_m[0], shape.tau_s[0])
     second = (0.0, 1e-2) if number == 1 else (rms, tau_s)
     return Floor(1.0, (first[0], second[0]), (first[1], second[1]), shape.spacing_s)
-
-
-def _shape_of(floor: Floor, parts: int = 2) -> Floor:
-    """Return white noise and wandering parts in units of the white noise; only the first part if ``parts`` is one."""
-    one, two = (rms / floor.white_m for rms in floor.rms_m)
-    return Floor(1.0, (one, two if parts > 1 else 0.0), floor.tau_s, floor.spacing_s)
 
 
 def _coordinates(shape: Floor, parts: int) -> Floats:

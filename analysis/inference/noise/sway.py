@@ -25,7 +25,7 @@ from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.frame_response import plate_swing_std, responses
 from analysis.inference.noise.site import Site
-from analysis.reading import Bands, root_of
+from analysis.reading import Bands
 from analysis.shot import Floats
 
 _NO_EFFECTS: Values = {}
@@ -98,7 +98,7 @@ class Sway:
     def scaled(self, noise: Floor) -> Floats:
         """Return the factors of the unit normal numbers along the orthonormal whitened directions, shape (r, m)."""
         size = np.exp(0.5 * np.asarray(noise.site))[self.band] / noise.white_m
-        return np.asarray(self.whitened_directions(noise).root @ (self.factors * size))
+        return self.whitened_directions(noise).factors * size
 
     def whiten(self, rows: Floats, noise: Floor) -> Floats:
         """Return ``rows``, shape (n, k), whitened by the whole noise, given rows whitened without frame motion.
@@ -118,15 +118,13 @@ class Sway:
 
     def likely(self, left_m: Floats, noise: Floor) -> Floats:
         """Return the likeliest frame motion in m at the valid samples, given a residual at all averaged samples."""
-        scaled = self.scaled(noise)
-        numbers = scaled.T @ self._pull(scaled, self._along(left_m, noise))
+        numbers = self.scaled(noise).T @ self._pull(left_m, noise)
         size = np.exp(0.5 * np.asarray(noise.site))[self.band]
         return np.asarray(self.basis @ (self.factors @ (size * numbers)))
 
     def likeliest_plate(self, left_m: Floats, noise: Floor) -> tuple[float, float]:
         """Return the plate's likeliest state at first touch (m, m/s), given the residual with the plate at rest."""
-        scaled = self.scaled(noise)
-        numbers = scaled[:, _OF_PLATE].T @ self._pull(scaled, self._along(left_m, noise))
+        numbers = self.scaled(noise)[:, _OF_PLATE].T @ self._pull(left_m, noise)
         x, v = numbers * np.exp(0.5 * noise.site[self.band[-1]]) * np.asarray(self.plate_std)
         return float(x), float(v)
 
@@ -147,13 +145,15 @@ class Sway:
         """Get the displacement in m per unit number of the plate's initial state, shape (n, 2)."""
         return np.asarray(self.basis @ self.factors[:, _OF_PLATE])
 
-    def _along(self, left_m: Floats, noise: Floor) -> Floats:
-        white = noise.whiten(left_m[:, None], self.valid, self.weight)
-        return self.whitened_directions(noise).along(white)[:, 0]
+    def _root(self, noise: Floor) -> Floats:
+        """Return the Cholesky factor of the covariance along the orthonormal whitened directions, shape (r, r)."""
+        known: Floats = self._cached("root", noise, lambda noise: self.bands(noise).root(noise.logarithms))
+        return known
 
-    def _pull(self, scaled: Floats, along: Floats) -> Floats:
-        """Return the inverse covariance along the directions times ``along``."""
-        root = root_of(scaled @ scaled.T)
+    def _pull(self, left_m: Floats, noise: Floor) -> Floats:
+        """Return the inverse covariance along the directions times the residual along them, shape (r,)."""
+        white = noise.whiten(left_m[:, None], self.valid, self.weight)
+        along, root = self.whitened_directions(noise).along(white)[:, 0], self._root(noise)
         return solve_triangle(root, solve_triangle(root, along, lower=True), lower=True, transposed=True)
 
     def _whiten_directions(self, shape: Floor) -> WhitenedDirections:
@@ -171,8 +171,7 @@ class Sway:
         return Bands(self.whitened_directions(shape).factors, shares)
 
     def _whitening_matrix(self, noise: Floor) -> Floats:
-        scaled = self.scaled(noise)
-        root = root_of(scaled @ scaled.T)
+        root = self._root(noise)
         whitening_matrix = solve_triangle(root, np.eye(root.shape[0]), lower=True)
         whitening_matrix[np.diag_indices_from(whitening_matrix)] -= 1.0
         triangle = self.whitened_directions(noise).root
@@ -191,10 +190,13 @@ class Sway:
         return known
 
 
-def shape_of(noise: Floor) -> Floor:
-    """Return a noise in units of its white part, without frame motion, rounded to twelve digits for use as a key."""
+def shape_of(noise: Floor, parts: int = 2) -> Floor:
+    """Return a noise in units of its white part, without frame motion, with the first ``parts`` wandering parts.
+
+    It is rounded to twelve digits for use as a key.
+    """
     one, two = (float(f"{rms / noise.white_m:.12g}") for rms in noise.rms_m)
-    return Floor(1.0, (one, two), noise.tau_s, noise.spacing_s)
+    return Floor(1.0, (one, two if parts > 1 else 0.0), noise.tau_s, noise.spacing_s)
 
 
 def frame_response_of(

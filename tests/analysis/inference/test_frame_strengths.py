@@ -8,6 +8,7 @@ import pytest
 
 from analysis.inference.noise import frame_strengths
 from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.sway import shape_of
 from analysis.reading import RestrictedLikelihood
 from tests.analysis.inference.test_whitened_columns import a_shot
 
@@ -131,13 +132,11 @@ def test_the_vertex_of_a_parabola_and_what_it_gains(place: float) -> None:
 
 def test_a_shape_is_a_floor_in_units_of_its_white_noise() -> None:
     floor = Floor(2.0, (6.0, 8.0), (1e-3, 2e-2), 5e-5, (0.1, 0.2))
-    assert frame_strengths._shape_of(floor) == Floor(1.0, (3.0, 4.0), (1e-3, 2e-2), 5e-5)
-    assert frame_strengths._shape_of(floor, 1) == Floor(1.0, (3.0, 0.0), (1e-3, 2e-2), 5e-5)
+    assert shape_of(floor) == Floor(1.0, (3.0, 4.0), (1e-3, 2e-2), 5e-5)
+    assert shape_of(floor, 1) == Floor(1.0, (3.0, 0.0), (1e-3, 2e-2), 5e-5)
     far = frame_strengths._shape_at(np.array([0.0, math.log(1e-9), 0.0, math.log(1e3)]), 5e-5)
     assert far.tau_s == pytest.approx((3e-4, 1.0))
-    found = frame_strengths._LikeliestStrengths(
-        frame_strengths._shape_of(floor), np.array([math.log(9.0), 0.5, -0.5]), 1.0
-    )
+    found = frame_strengths._LikeliestStrengths(shape_of(floor), np.array([math.log(9.0), 0.5, -0.5]), 1.0)
     assert found.floor.white_m == pytest.approx(3.0) and found.floor.rms_m == pytest.approx((9.0, 12.0))
     assert found.floor.site == (0.5, -0.5)
 

@@ -16,7 +16,6 @@ from analysis.reading.restricted_likelihood import (
     chain_precision,
     mixture_covariance,
     points_about,
-    root_of,
 )
 
 SAMPLES, BANDS, NUMBERS = 14, 2, 5
@@ -140,21 +139,21 @@ def test_a_parameter_of_no_shot_has_unit_variance_and_disturbs_no_other() -> Non
 
 
 def test_the_root_is_that_of_one_and_the_motion_its_diagonal_a_part_larger() -> None:
-    scaled = np.random.default_rng(1).standard_normal((4, 3))
-    motion = scaled @ scaled.T
-    root = root_of(motion.copy(), 0.1)
-    assert root @ root.T == pytest.approx(np.eye(4) + motion + 0.1 * np.diag(np.diag(motion)), rel=1e-12)
+    bands = shot(1, (0,)).bands
+    motion = bands.factors @ np.diag(np.exp(AT[1:] - AT[0]) @ bands.shares) @ bands.factors.T
+    root = bands.root(AT, 0.1)
+    assert root @ root.T == pytest.approx(np.eye(SAMPLES) + motion + 0.1 * np.diag(np.diag(motion)), rel=1e-12)
     assert root == pytest.approx(np.tril(root))
-    plain = root_of(motion.copy())
-    assert plain @ plain.T == pytest.approx(np.eye(4) + motion, rel=1e-12)
+    plain = bands.root(AT)
+    assert plain @ plain.T == pytest.approx(np.eye(SAMPLES) + motion, rel=1e-12)
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
 def test_what_is_no_number_has_no_root(wrong: float) -> None:
-    scaled = np.random.default_rng(1).standard_normal((4, 3))
-    scaled[2, 1] = wrong
+    bands = shot(1, (0,)).bands
+    bands.factors[2, 1] = wrong
     with pytest.raises(np.linalg.LinAlgError), np.errstate(invalid="ignore"):
-        root_of(scaled @ scaled.T)
+        bands.root(AT)
 
 
 def test_numbers_of_a_chain_are_as_likely_as_their_sizes_and_steps() -> None:

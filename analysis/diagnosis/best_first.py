@@ -22,6 +22,7 @@ from analysis.diagnosis.search.scale_maxima import at_likeliest_scale
 from analysis.diagnosis.search.search import Search, SearchResult
 from analysis.diagnosis.verdict.acceptance import GatedFit, settle
 from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
+from analysis.inference import STILL_FRAME
 from analysis.shot import AnalysisError
 
 
@@ -84,7 +85,7 @@ class BestFirst:
         if at_rest is None:
             if building is not None:
                 return self._next_in_building(building)
-            return self._search_at_rest if self._question.site is None else self._search_in_building
+            return self._search_in_building if self._question.site.moves else self._search_at_rest
         likelier = at_rest if building is None or at_rest.is_likelier_than(building) else building
         if (likelier.searched.leaves_something or self._law_hides_in_building) and not at_rest.law_was_tried:
             return partial(self._try_one_law_instead, at_rest, likelier)
@@ -149,9 +150,9 @@ class BestFirst:
 
     def _search_at_rest(self) -> None:
         """Search without frame motion; if the flights show none, search for one effect fewer than allowed."""
-        most = CRITERIA.most_effects - (self._question.site is None)
+        most = CRITERIA.most_effects - (not self._question.site.moves)
         beat = math.inf if self._in_building is None else self._in_building.bic
-        searched = self._search.under(None, most=most, beat=beat)
+        searched = self._search.under(STILL_FRAME, most=most, beat=beat)
         self._at_rest = Branch(searched, self._question.single_law_given(searched.trail.start))
 
     def _try_one_law_instead(self, branch: Branch, likelier: Branch) -> None:

@@ -64,8 +64,8 @@ class DiagnosisInput:
         return averaged_shots(self.motions)
 
     @cached_property
-    def site(self) -> Site | None:
-        """Get the frame motion that the free flights before and after contact show; None where it is negligible."""
+    def site(self) -> Site:
+        """Get the frame motion that the free flights before and after contact show."""
         vibrations = frame_motions_of(self.motions, self.model, self.vibrations_read)
         return site_under(self.motions, vibrations, CRITERIA.site_nm)
 

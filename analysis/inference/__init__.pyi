@@ -7,7 +7,7 @@ from .fit.effective_parameters import Point, to_physical
 from .fit.first_fit import base_fit, first_fit
 from .fit.first_guesses import first_guesses
 from .fit.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
-from .fit.joint_data import JointData, frame_motions_of, joint_data, site_under, with_plates
+from .fit.joint_data import JointData, frame_motions_of, joint_data, site_under
 from .fit.least_squares import free_to_move
 from .fit.normal_matrix import NormalMatrix
 from .fit.problem import Fitted, Linearised, Problem
@@ -17,8 +17,8 @@ from .fit.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shots
 from .fit.shot_fit import fit_shots
 from .noise.floor import Floor, white_floor
 from .noise.per_shot_acceleration import per_shot_nuisances
-from .noise.site import Site, resembles_frame_motion
-from .noise.sway import on_site
+from .noise.site import STILL_FRAME, Site
+from .noise.sway import on_site, with_plates
 from .screen.screening import Score, distinct_starts, opposite
 
 __all__ = [
@@ -26,6 +26,7 @@ __all__ = [
     "OWN_NAMES",
     "PLATE_NAMES",
     "RATE_HZ",
+    "STILL_FRAME",
     "Arrow",
     "Course",
     "Fitted",
@@ -58,7 +59,6 @@ __all__ = [
     "orthonormal",
     "per_shot_nuisances",
     "refit",
-    "resembles_frame_motion",
     "site_under",
     "start_from_fit",
     "to_physical",

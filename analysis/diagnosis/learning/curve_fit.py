@@ -139,7 +139,7 @@ def _rough_noise(start: Fitted) -> Floor:
 
     It is white noise as strong as the residual; on a moving frame, whose motion exceeds that, the flights' noise.
     """
-    if start.problem.data.site is not None:
+    if start.problem.data.site.moves:
         return start.unlearned_noise
     left = np.concatenate([r[s.valid] for r, s in zip(start.residual_m, start.problem.data.shots, strict=True)])
     return white_floor(float(np.sqrt(np.mean(left**2))), start.noise.spacing_s)
@@ -165,7 +165,7 @@ def fit_terms(
     until the end, since strengths learned on the way would absorb what the curves do not explain yet.  Unless
     ``to_the_end``, derivatives are not recomputed at the final point: the curvature may be that of a few steps before.
     """
-    if problem.data.site is not None:
+    if problem.data.site.moves:
         problem = problem.with_noise(problem.data.noise_of_flights)
     return _fitted(problem, z, terms, stop, steps, motions(problem, z, terms), to_the_end=to_the_end)
 
@@ -213,7 +213,7 @@ def _fitted(
         if went.there is None:
             break
         here, damping = went.there, went.damping
-        if step >= 1 and problem.data.site is None:
+        if step >= 1 and not problem.data.site.moves:
             problem = problem.with_noise(problem.learn_noise(here.left_m(problem), problem.noise)[0])
         if step >= 2 and went.actual_fall < _SETTLED and damping <= _DAMPINGS[1]:
             break

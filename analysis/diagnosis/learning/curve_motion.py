@@ -95,7 +95,7 @@ def fit_with_motions(fitted: Fitted) -> FitWithMotions:
     On a moving frame the fit is repeated under the noise of the flights: strengths learned from the residual have
     absorbed much of the missing law, and base and starts have drifted far from their values given the law.
     """
-    if fitted.problem.data.site is not None:
+    if fitted.problem.data.site.moves:
         fitted = fitted.problem.with_noise(fitted.unlearned_noise).fit_once(fitted.z)
     problem = fitted.problem
     lines = problem.derivatives(fitted.z)

@@ -13,6 +13,7 @@ import numpy as np
 from analysis.diagnosis.search.forward_selection import Trail, converge, prune, without
 from analysis.inference import (
     FINE_RATE_HZ,
+    STILL_FRAME,
     Fitted,
     JointData,
     Linearised,
@@ -39,7 +40,7 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
     shots = averaged_shots(motions, FINE_RATE_HZ)
     if shots[0].factor == here.shots[0].factor:
         return None
-    shots = with_plates(shots, [shot.plate for shot in here.shots])
+    shots = with_plates(shots, tuple(shot.plate for shot in here.shots))
     bare = best if ripple.effect not in best.effects else without(best, ripple.effect, trail)
     if bare is None or not _promises(ripple, bare, shots, trail):
         return None
@@ -80,7 +81,7 @@ def _promises(ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail:
             moved_m = moved_m - coarse.sway.plate_displacement_m(coarse.plate)
         at_valid = np.interp(shot.centre_s, coarse.centre_s[coarse.valid], moved_m[coarse.valid])
         still.append(replace(shot, displacement_m=shot.displacement_m - at_valid))
-    at = _beside(best, replace(here, shots=tuple(still), site=None))
+    at = _beside(best, replace(here, shots=tuple(still), site=STILL_FRAME))
     listed = at.scores(ripple)
     return bool(listed) and listed[0].worth(at.left.size) >= trail.least_fall(best.noise)
 
@@ -88,6 +89,5 @@ def _promises(ripple: TrialEffect, best: Fitted, fine: Sequence[Samples], trail:
 def _beside(best: Fitted, data: JointData) -> Linearised:
     """Linearise a fit on other data of the same shots, with the noise learned from its residual there."""
     problem = replace(best.problem, data=data)
-    start = best.noise if data.site is not None else best.noise.without_site
-    noise, _ = problem.learn_noise(problem.residual_m(best.z), start)
+    noise, _ = problem.learn_noise(problem.residual_m(best.z), best.noise)
     return problem.with_noise(noise).linearise(best.z)

@@ -27,6 +27,7 @@ from analysis.diagnosis.time_limit import Limit
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import (
+    STILL_FRAME,
     Fitted,
     Point,
     SearchStart,
@@ -37,7 +38,6 @@ from analysis.inference import (
     joined,
     joint_data,
     per_shot_nuisances,
-    resembles_frame_motion,
     white_floor,
     with_frame_relinearised,
 )
@@ -85,7 +85,7 @@ class Search:
 
     question: DiagnosisInput
 
-    def under(self, site: Site | None, *, most: int = CRITERIA.most_effects, beat: float = math.inf) -> SearchResult:
+    def under(self, site: Site, *, most: int = CRITERIA.most_effects, beat: float = math.inf) -> SearchResult:
         """Search under one noise model for at most ``most`` effects; frame motion belongs to ``site``, not to effects.
 
         A search that cannot come below ``beat``, the BIC of a likelier search, is not continued.
@@ -93,9 +93,7 @@ class Search:
         question, given, stop, limit = self.question, self.question.begin, self.question.stop, self.question.limit
         data = joint_data(question.shots, given, site)
         catalogue = [
-            kind
-            for kind in question.catalogue
-            if site is None or kind.effect in question.accepted or not resembles_frame_motion(kind.effect)
+            kind for kind in question.catalogue if kind.effect in question.accepted or not site.resembles(kind.effect)
         ]
 
         def along_with(along: Sequence[Effect]) -> tuple[Fitted, Trail]:
@@ -103,7 +101,7 @@ class Search:
             start = accept(base, question.catalogue, question.accepted, stop)
             start = with_frame_relinearised(start, stop) if question.accepted else start
             question.progress("scoring the catalogue", 0.15)
-            if site is None:
+            if not site.moves:
                 return search_from_base(start, given, catalogue, stop, most=most, limit=limit, beat=beat)
             # A missing effect makes plates seem to move, which could pass for a second effect.
             first, trail = search_from_base(start, given, catalogue, stop, most=1, limit=limit)
@@ -129,7 +127,7 @@ class Search:
     def base_without_frame_motion(self) -> Fitted:
         """Return the base model's fit without frame motion.  Raises AnalysisError where there is none."""
         given = self.question.begin
-        return base_fit(joint_data(self.question.shots, given, None), given, self.question.stop)
+        return base_fit(joint_data(self.question.shots, given, STILL_FRAME), given, self.question.stop)
 
     def likelier_without_frame_motion(self, best: Fitted) -> bool:
         """Return whether the shots are likelier without frame motion, given the same effects; costs one more fit.
@@ -139,7 +137,7 @@ class Search:
         """
         if not best.effects:
             return False
-        data = joint_data(self.question.shots, self.question.begin, None)
+        data = joint_data(self.question.shots, self.question.begin, STILL_FRAME)
         rms_m = math.sqrt(float(np.mean(np.concatenate(best.residual_m) ** 2)))
         still = replace(best.problem, data=data, noise=white_floor(rms_m, best.noise.spacing_s))
         return still.fit(best.z, cancelled=self.question.stop).bic < best.bic

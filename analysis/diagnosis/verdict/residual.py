@@ -92,7 +92,7 @@ def residual_of(fitted: Fitted, at: Linearised) -> Residual:
     shapes are therefore tested under the noise of the flights.  Its strengths are uncertain, so chance gains more.
     """
     shots = fitted.problem.data.shots
-    on_frame = fitted.problem.data.site is not None
+    on_frame = fitted.problem.data.site.moves
     unlearned = at.under(fitted.unlearned_noise) if on_frame else at
     white = fitted.whitened()
     correlation = _correlation(white)

@@ -23,7 +23,7 @@ from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.site import Site
+from analysis.inference.noise.site import STILL_FRAME, Site
 from analysis.inference.noise.sway import on_site
 from analysis.shot import AnalysisError, Cancelled, Floats, Stop
 
@@ -38,7 +38,7 @@ _FALSE_MINIMUM_CHI2 = 1.0  # chi^2 per sample of that search above which it is i
 
 
 def first_fit(
-    shots: tuple[Samples, ...], model: str, site: Site | None, stop: Stop, *, noise: Floor | None = None
+    shots: tuple[Samples, ...], model: str, site: Site, stop: Stop, *, noise: Floor | None = None
 ) -> SearchStart:
     """Return the best fit of the base ``model`` to ``shots``; ``noise`` is that of their flights, if known.
 
@@ -52,9 +52,7 @@ def first_fit(
     ends: list[SearchStart] = []
     why: Infeasible | None = None
     try:
-        if site is None:
-            return _best_of_searches(data, _starts(data, first_guesses(base, shots, stop)), noise, stop)
-        for end in _ends_on_frame(data, site, noise, stop):
+        for end in _ends(data, noise, stop):
             ends.append(end)  # one by one: those before a search without any trajectory count
     except Infeasible as reason:
         why = reason
@@ -70,13 +68,19 @@ def _starts(data: JointData, guesses: Sequence[Floats]) -> list[SearchStart]:
     return [SearchStart(data.base, shared, own) for shared in guesses]
 
 
-def _ends_on_frame(data: JointData, site: Site, noise: Floor, stop: Stop) -> Iterator[SearchStart]:
+def _ends(data: JointData, noise: Floor, stop: Stop) -> Iterator[SearchStart]:
     """Yield the ends of searches on a moving frame until one is sure; if all are poor, also those from a still frame.
 
-    An end is sure if its chi^2 is low, or if another start led to the same minimum.
+    An end is sure if its chi^2 is low, or if another start led to the same minimum.  On a still frame there is one.
     """
-    still_frame = JointData(data.shots, data.base)
-    guessed = cache(lambda: _starts(data, first_guesses(data.base, data.shots, stop, site.vibration.rms_m)))
+    guessed = cache(lambda: _starts(data, first_guesses(data.base, data.shots, stop, data.site.vibration.rms_m)))
+
+    def still_end() -> SearchStart:
+        return _best_of_searches(replace(data, site=STILL_FRAME), guessed(), noise, stop)
+
+    if not data.site.moves:
+        yield still_end()
+        return
 
     def candidates() -> Iterator[SearchStart]:
         yield from _starts(data, resembling_candidates(data.base, data.shots, _FOLLOWED))
@@ -90,7 +94,7 @@ def _ends_on_frame(data: JointData, site: Site, noise: Floor, stop: Stop) -> Ite
         ends.append(end)
     if not ends or min(end.left for end in ends) > BIASED_CHI2:
         # a search from a poor guess may end without any collision, especially if an effect is missing
-        still = _best_of_searches(still_frame, guessed(), noise, stop)
+        still = still_end()
         yield still
         yield from _quiet_search_ends(data, iter([still]), noise, stop)
 

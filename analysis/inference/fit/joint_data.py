@@ -1,7 +1,7 @@
 """Shots that are fitted jointly: averaged, weighted, and with the frame's motion as a covariance term."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,7 +12,7 @@ from analysis.inference.fit.base import Base, SearchStart
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
-from analysis.inference.noise.site import BELOW_HZ, Site, site_of
+from analysis.inference.noise.site import BELOW_HZ, STILL_FRAME, Site, site_of
 from analysis.inference.noise.sway import on_site
 from analysis.reading import read_frame_motion
 from analysis.shot import AnalysisError, Floats, Motion, VibrationSpectrum
@@ -27,14 +27,14 @@ _SAMPLES = 100  # fewest third differences for a noise estimate
 class JointData:
     """The shots that are fitted jointly, and the base model.
 
-    ``site`` is the frame's motion, or None.  ``reference_mass_kg`` is the block mass assumed in the search coordinates
+    ``site`` is the frame's motion.  ``reference_mass_kg`` is the block mass assumed in the search coordinates
     (None: the first shot's).  With it, vectors for a subset of shots have the same coordinates as vectors for the whole
     set.
     """
 
     shots: tuple[Samples, ...]
     base: Base
-    site: Site | None = None
+    site: Site = STILL_FRAME
     reference_mass_kg: float | None = None
 
     @property
@@ -89,26 +89,18 @@ def frame_motions_of(
 
 def site_under(
     motions: Sequence[Motion], vibrations: Sequence[VibrationSpectrum | None], least_nm: float, *, whole: bool = False
-) -> Site | None:
+) -> Site:
     """Return the common frame motion of shots with these shakings; arguments as for ``site_of``."""
     return site_of(vibrations, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
 
 
-def joint_data(plain: tuple[Samples, ...], begin: SearchStart, site: Site | None) -> JointData:
+def joint_data(plain: tuple[Samples, ...], begin: SearchStart, site: Site) -> JointData:
     """Return averaged shots for a joint fit, with the frame's contribution linearised about the motion of ``begin``.
 
     For a plate that swings far, the linearisation is about its likeliest state in ``begin``.
     """
     base = begin.base
-    if site is None:
-        return JointData(plain, base)
     try:
-        shots = on_site(with_plates(plain, begin.plates), site, base, begin.point)
-        return JointData(shots, base, site=site)
+        return JointData(on_site(plain, site, base, begin.point, begin.plates), base, site)
     except Infeasible:  # ``begin`` has no collision, so there is no frame contribution to compute
         return JointData(plain, base)
-
-
-def with_plates(shots: Sequence[Samples], plates: Sequence[tuple[float, float]]) -> tuple[Samples, ...]:
-    """Return the shots with each plate's state at first touch (m, m/s), if ``plates`` is not empty."""
-    return tuple(replace(s, plate=plate) for s, plate in zip(shots, plates, strict=True)) if plates else tuple(shots)

@@ -14,9 +14,8 @@ from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Minimum, StopEarly, minimise
 from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.weighted_model import ModelAtVector, WeightedModel
-from analysis.inference.noise import frame_strengths
-from analysis.inference.noise.floor import Floor, learn
-from analysis.inference.noise.frame_strengths import LikelyStrengths, likely_strengths
+from analysis.inference.noise.floor import Floor, LikeliestFloor
+from analysis.inference.noise.frame_strengths import LikelyStrengths, learn, likely_strengths
 from analysis.inference.screen import screening
 from analysis.inference.screen.columns import contribution_of
 from analysis.inference.screen.projector import Projector
@@ -24,7 +23,6 @@ from analysis.inference.screen.screening import Score
 from analysis.shot import Floats, Stop
 
 _ROUNDS, _A_ROUND, _MIN_GAIN = 8, 25, 0.05  # of ``continued``: rounds, evaluations per round, least gain of ln L
-_WANDERING_PARTS = 2  # maximum number of wandering parts of a noise
 _NEAR = 0.04  # expected fall of chi^2 of a converged fit: parameters are within a fifth of a std of the minimum
 COMPARABLE = 0.1  # expected fall of chi^2 at which a search ends before the noise is re-estimated or fits are compared
 
@@ -41,24 +39,18 @@ class Problem(WeightedModel):
 
         On a moving frame the noise is estimated from the residual, with the wandering shape of the flights' noise.
         """
-        if self.data.site is None:
+        if not self.data.site.moves:
             return self
         return self.with_noise(self.learn_noise(self.residual_m(z), self.data.noise_of_flights)[0])
 
     def learn_noise(
         self, residual_m: Sequence[Floats], start: Floor | None = None, *, anew: bool = False
-    ) -> tuple[Floor, float]:
-        """Return the likeliest noise of residuals (m, one for each shot), and its log-likelihood.
+    ) -> LikeliestFloor:
+        """Return the likeliest noise of residuals (m, one for each shot).
 
         On a moving frame the wandering parts keep their shape in ``start`` unless ``anew`` re-estimates it.
         """
-        data = self.data
-        if data.site is not None:
-            parts = _WANDERING_PARTS if anew else 0
-            return frame_strengths.learn(residual_m, data.shots, data.site, start=start, parts=parts)
-        valid, weights = [shot.valid for shot in data.shots], [shot.weight for shot in data.shots]
-        spacing_s = data.shots[0].spacing_s
-        return learn(residual_m, valid, spacing_s, weights=weights, start=start, parts=_WANDERING_PARTS)
+        return learn(residual_m, self.data.shots, self.data.site, start=start, anew=anew)
 
     def search(
         self,
@@ -246,13 +238,14 @@ class Fitted(ModelAtVector):
     @property
     def unlearned_noise(self) -> Floor:
         """Get a noise that absorbs no missing effect: on a moving frame that of the flights, else the white part."""
-        return self.noise.still if self.problem.data.site is None else self.problem.data.noise_of_flights
+        data = self.problem.data
+        return data.noise_of_flights if data.site.moves else self.noise.still
 
     @property
     def wanders_only_in_contact(self) -> bool:
         """Get whether the noise estimated from whole shots wanders while that of their flights does not."""
         data = self.problem.data
-        return data.site is None and bool(self.noise.wander) and not data.noise_of_flights.wander
+        return not data.site.moves and bool(self.noise.wander) and not data.noise_of_flights.wander
 
     def linearise(self, near: Projector | None = None) -> Linearised:
         """Return the problem linearised at the minimum; ``near`` as in ``Problem.linearise``."""
@@ -299,8 +292,6 @@ class Fitted(ModelAtVector):
         At the likeliest strengths alone the covariance is a third too small, since slow bands have only a few periods
         in a shot.  A fit without frame motion is returned unchanged.
         """
-        if self.problem.data.site is None or not self.noise.site:
-            return self
         free = np.ones(self.problem.size, dtype=np.bool_)
         free[self.problem.unseen] = False
         likely = self.likely_strengths(free)
@@ -309,10 +300,11 @@ class Fitted(ModelAtVector):
     def likely_strengths(self, free: NDArray[np.bool_]) -> LikelyStrengths | None:
         """Return the likely strengths of the frame's bands, parameters marginalised where ``free``, shape (p,).
 
-        None if the free parameters are not determined.
+        None without frame motion, or if the free parameters are not determined.
         """
         problem, data = self.problem, self.problem.data
-        assert data.site is not None
+        if not self.noise.site:
+            return None
         tangents = problem.arrow([line for _, line in problem.derivatives(self.z)])
         tangents = tangents.without(np.flatnonzero(~free))
         try:

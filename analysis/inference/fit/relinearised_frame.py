@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.collision import Infeasible
-from analysis.inference.fit.joint_data import with_plates
+from analysis.inference.fit.base import Plates
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.noise.sway import on_site
 from analysis.shot import Stop
@@ -24,14 +24,14 @@ _SURE = 2  # iterations after which each must improve the criterion
 def with_frame_relinearised(fitted: Fitted, stop: Stop) -> Fitted:
     """Return the fit, repeated until it agrees with its frame response; three shots: 0.05 s, 0.2 s per repetition."""
     here, site = fitted, fitted.problem.data.site
-    if site is None:
+    if not site.moves:
         return here
     for turn in range(_TURNS):
         data = here.problem.data
         plates, moved = _plates(here)
         before = data.shots
         try:
-            shots = on_site(with_plates(before, plates) if moved >= _FAR else before, site, data.base, here.point)
+            shots = on_site(before, site, data.base, here.point, plates if moved >= _FAR else ())
         except Infeasible:
             break
         pairs = zip(before, shots, strict=True)
@@ -48,12 +48,13 @@ def with_frame_relinearised(fitted: Fitted, stop: Stop) -> Fitted:
     return here
 
 
-def _plates(fitted: Fitted) -> tuple[list[tuple[float, float]], float]:
+def _plates(fitted: Fitted) -> tuple[Plates, float]:
     """Return each plate's likeliest state at first touch given the residual, and the largest change in stds."""
-    plates, moved = [], 0.0
+    plates: list[tuple[float, float]] = []
+    moved = 0.0
     for shot, left in zip(fitted.problem.data.shots, fitted.residual_m, strict=True):
         assert shot.sway is not None
         plate = shot.sway.likeliest_plate(left, fitted.noise)
         moved = max(moved, float(np.max(np.abs(np.subtract(plate, shot.plate) / shot.sway.plate_std))))
         plates.append(plate)
-    return plates, moved
+    return tuple(plates), moved

@@ -18,7 +18,7 @@ from analysis.inference.fit.base import Plates
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_fit import BIASED_CHI2, first_fit, likeliest_plates
 from analysis.inference.fit.free_parameters import trial_effect, trials_of
-from analysis.inference.fit.joint_data import joint_data, resolves_frame_motion, site_under, with_plates
+from analysis.inference.fit.joint_data import joint_data, resolves_frame_motion, site_under
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.fit.samples import FINE_RATE_HZ, averaged_shots
@@ -66,9 +66,9 @@ def fit_shots(
         raise ValueError(f"effects must be at most {MAX_EFFECTS} different ones")
     stop = cancelled or (lambda: False)
     shaken = model == PAPER_MODEL and _PLATE_MOTION not in chosen and all(map(resolves_frame_motion, motions))
-    site = site_under(motions, vibrations, 0.0) if shaken and any(vibrations) else None
+    site = site_under(motions, vibrations if shaken else (), 0.0)
     best = _fit_on(site, motions, model, chosen, stop)
-    if site is not None and _POOR_FIT < best.reduced_chi2 < BIASED_CHI2:
+    if site.moves and _POOR_FIT < best.reduced_chi2 < BIASED_CHI2:
         whole = _fit_on(site_under(motions, vibrations, 0.0, whole=True), motions, model, chosen, stop)
         best = whole if whole.found.converged and whole.reduced_chi2 < best.reduced_chi2 else best
     return best.as_fit(motions, model, began, stop)
@@ -110,7 +110,7 @@ class _SearchEnd:
         missing.  Cost: 5 ms per shot.
         """
         problem, square = self.problem, self.found.square
-        if problem.data.site is not None or not self.found.converged or _PLATE_MOTION in fitted.effects:
+        if problem.data.site.moves or not self.found.converged or _PLATE_MOTION in fitted.effects:
             return False
         free = square.samples - problem.size
         excess = square.chi2 - free - math.sqrt(2.0 * free)  # beyond one standard deviation of chance
@@ -118,9 +118,7 @@ class _SearchEnd:
         return any(score.worth(square.samples) > _RINGING and score.gain > _MIN_SHARE * excess for score in listed)
 
 
-def _fit_on(
-    site: Site | None, motions: Sequence[Motion], model: str, effects: Sequence[Effect], stop: Stop
-) -> _SearchEnd:
+def _fit_on(site: Site, motions: Sequence[Motion], model: str, effects: Sequence[Effect], stop: Stop) -> _SearchEnd:
     """Return the end of the search with frame motion ``site``.  Raises AnalysisError and Cancelled."""
     shots = averaged_shots(motions)
     noise, trusted = noise_of_flights(shots, site)
@@ -150,7 +148,7 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
         z = problem.pack(problem.with_softened_contact(here))
         found = _minimum_from(problem, z, stop)
         move = found.parameters - z
-        if problem.data.site is None or float(move @ (found.square.curvature @ move)) < _SMALL_MOVE**2:
+        if not problem.data.site.moves or float(move @ (found.square.curvature @ move)) < _SMALL_MOVE**2:
             undecided = np.zeros(z.size)
             break
         undecided = move * math.sqrt(0.5)
@@ -164,7 +162,7 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
 def _at_motion(problem: Problem, point: Point, plates: Plates) -> Problem:
     """Return the problem with the frame's contribution relinearised about the motion at ``point``."""
     data = problem.data
-    shots = on_site(with_plates(data.shots, plates), data.site, data.base, point)
+    shots = on_site(data.shots, data.site, data.base, point, plates)
     return replace(problem, data=replace(data, shots=shots))
 
 
@@ -191,7 +189,7 @@ def _with_effects(
     here = joined(here, trials_of(effects), stop)
     problem, undecided = here.problem.with_noise(problem.noise), np.zeros(here.z.size)
     found = _minimum_from(problem, here.z, stop)
-    if problem.data.site is not None:  # the missing effects had biased the plates' likeliest states
+    if problem.data.site.moves:  # the missing effects had biased the plates' likeliest states
         point, plates = problem.unpack(found.parameters), likeliest_plates(problem, found.parameters)
         problem, found, undecided = _settled(_at_motion(problem, point, plates), point, plates, stop)
     if not found.converged:
@@ -213,7 +211,7 @@ def _reweighed(problem: Problem, found: Minimum, stop: Stop) -> Fitted:
         return Fitted(weighed, end.parameters, math.nan, left, inverse, end.converged)
 
     fitted, strengths = at(found, problem), None
-    if problem.data.site is None or not found.converged:
+    if not found.converged:
         return fitted
     for _ in range(_STRENGTH_TURNS):
         likely = fitted.likely_strengths(free)

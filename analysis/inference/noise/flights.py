@@ -14,7 +14,7 @@ from numba import njit
 from analysis.inference.fit.samples import Samples
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.kalman import Mask
-from analysis.inference.noise.site import Site
+from analysis.inference.noise.site import STILL_FRAME, Site
 from analysis.shot import Floats
 from analysis.signal import MIN_NOISE_M
 
@@ -32,7 +32,7 @@ _NO_LINES = np.empty(0)
 _QUICK = 0.1 * np.pi  # radians per sample, above which a wandering part is negligible
 
 
-def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tuple[Floor, bool]:
+def noise_of_flights(shots: Sequence[Samples], site: Site = STILL_FRAME) -> tuple[Floor, bool]:
     """Return the noise estimated from the quiet flights of shots, and whether these are long enough for an estimate.
 
     On a moving frame (``site``) only frequencies above the frame's motion are used, and the frame's spectrum is kept as
@@ -44,7 +44,7 @@ def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tupl
     spacing_s = shots[0].spacing_s
     incoming = _spectra([_flight(shot, shot.course.quiet_in) for shot in shots], spacing_s, site)
     outgoing = _spectra([_flight(shot, shot.course.quiet_out) for shot in shots], spacing_s, site)
-    strengths = () if site is None else (0.0,) * site.bands
+    strengths = (0.0,) * site.bands
     if not incoming and not outgoing:
         return replace(white_floor(_by_differences(shots), spacing_s), site=strengths), False
     noise = likeliest_noise(incoming or outgoing, spacing_s)
@@ -53,11 +53,11 @@ def noise_of_flights(shots: Sequence[Samples], site: Site | None = None) -> tupl
     return replace(noise, site=strengths), True
 
 
-def _spectra(flights: Sequence[Floats], spacing_s: float, site: Site | None) -> list[Spectrum]:
+def _spectra(flights: Sequence[Floats], spacing_s: float, site: Site) -> list[Spectrum]:
     """Return the spectra of the flights that are long enough, above the motion and without the lines of the frame."""
     turn = 2 * np.pi * spacing_s
-    above = 0.0 if site is None else turn * float(site.vibration.frequency_hz[site.vibration.random][-1])
-    lines = _NO_LINES if site is None else turn * site.vibration.frequency_hz[~site.vibration.random]
+    frequency_hz, random = site.vibration.frequency_hz, site.vibration.random
+    above, lines = turn * float(frequency_hz[random].max(initial=0.0)), turn * frequency_hz[~random]
     spectra = [spectrum_of(flight, above, lines) for flight in flights if flight.size >= _FEWEST]
     return [spectrum for spectrum in spectra if spectrum[0].size]
 

@@ -7,8 +7,9 @@ gaps included.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from analysis.signal import white_noise
 
 _NOTHING = np.array([0.0, 1e-2, 0.0, 1e-2])  # shape of white noise alone: (rms over white, tau in s) of both parts
 _SIDE, _NEAR, _ALIKE = 0.6, 2e-2, 5e-2  # simplex of a search: initial side, final size, final spread of ln L
+MOST_PARTS = 2  # maximum number of wandering parts of a noise
 _EVALUATIONS = 60  # largest number in a search, per wandering part
 
 
@@ -66,6 +68,12 @@ class Floor:
         """Get (ln white_m^2, *site), shape (1 + bands,): the vector of a ``RestrictedLikelihood``."""
         return np.array([2.0 * math.log(self.white_m), *self.site])
 
+    def with_logarithms(self, at: Floats) -> "Floor":
+        """Return the noise with these ``logarithms``; this one is its shape, in units of its white part."""
+        white_m, (one, two) = math.exp(0.5 * at[0]), self.rms_m
+        strengths = tuple(float(a) for a in at[1:])
+        return replace(self, white_m=white_m, rms_m=(one * white_m, two * white_m), site=strengths)
+
     @property
     def kalman(self) -> tuple[float, float, float, float, float, float, float]:
         """Get white variance, then (step variance, memory of a step, variance) of each part."""
@@ -100,41 +108,62 @@ def white_floor(white_m: float, spacing_s: float) -> Floor:
     return Floor(white_m, (0.0, 0.0), (1e-2, 1e-2), spacing_s)
 
 
-def learn(
+class LikeliestFloor(NamedTuple):
+    """The likeliest noise of residuals, and its log-likelihood."""
+
+    floor: Floor
+    value: float
+
+
+def with_parts(
+    best: LikeliestFloor, most: int, samples: int, with_next: Callable[[LikeliestFloor, int], LikeliestFloor | None]
+) -> LikeliestFloor:
+    """Return a noise with up to ``most`` wandering parts, each added only if it lowers the BIC of ``samples`` values.
+
+    ``with_next`` returns the likeliest noise with one part more, given the best with fewer and the part's number, from
+    1; None if none is likelier.
+    """
+    for number in range(1, most + 1):
+        trial = with_next(best, number)
+        if trial is None or 2 * (trial.value - best.value) < 2 * math.log(samples):
+            break
+        best = trial
+    return best
+
+
+def likeliest_floor(
     series: Sequence[Floats],
     valid: Sequence[Mask],
     spacing_s: float,
     *,
     weights: Sequence[float] | None = None,
     start: Floor | None = None,
-    parts: int = 2,
-) -> tuple[Floor, float]:
-    """Return the most likely noise of ``series`` (in m, one for each shot) and its log-likelihood.
+) -> LikeliestFloor:
+    """Return the likeliest noise of ``series`` (in m, one for each shot), with the wandering parts of ``with_parts``.
 
-    Up to ``parts`` wandering parts are added, each only if it lowers the Bayesian information criterion.  ``weights``
-    are the shots' relative white noises.  The search begins near ``start``.  Cost: 1-5 ms for three shots.
+    ``weights`` are the shots' relative white noises.  The search begins near ``start``.  Cost: 1-5 ms for three shots.
     """
     values = [np.where(v, s, 0.0) for s, v in zip(series, valid, strict=True)]
     all_of = _series(values, valid, weights, spacing_s)
-    best, best_value = _floor_of(all_of, _NOTHING)
-    begins = [(1.0, 5e-3), (0.3, 5e-2)]
-    if start is not None and start.rms_m[0] > 0:
-        begins[0] = (start.rms_m[0] / start.white_m, start.tau_s[0])
-        if start.rms_m[1] > 0:
-            begins[1] = (start.rms_m[1] / start.white_m, start.tau_s[1])
-    else:
-        begins[0] = (max(1.0, _roughness(values, valid)), 5e-3)
-    for number in range(1, parts + 1):
-        trial, value = _search(all_of, begins[:number])
-        if 2 * (value - best_value) < 2 * math.log(all_of.samples):
-            break
-        best, best_value = trial, value
-        if number == 1:
-            ratio, tau = best.rms_m[0] / best.white_m, best.tau_s[0]
-            begins[0] = (ratio, tau)
-            if start is None or start.rms_m[1] == 0:
-                begins[1] = (0.4 * ratio, 0.15 * tau if tau > 4e-3 else 8 * tau)
-    return best, best_value
+    known = [] if start is None else _ratios(start)
+
+    def with_next(best: LikeliestFloor, number: int) -> LikeliestFloor:
+        begin = _ratios(best.floor)
+        if len(known) >= number:
+            begin.append(known[number - 1])
+        elif number == 1:
+            begin.append((max(1.0, _roughness(values, valid)), 5e-3))
+        else:
+            ratio, tau = begin[0]
+            begin.append((0.4 * ratio, 0.15 * tau if tau > 4e-3 else 8 * tau))
+        return _search(all_of, begin)
+
+    return with_parts(_floor_of(all_of, _NOTHING), MOST_PARTS, all_of.samples, with_next)
+
+
+def _ratios(floor: Floor) -> list[tuple[float, float]]:
+    """Return (rms over white, correlation time in s) of each wandering part."""
+    return [(rms / floor.white_m, tau) for rms, tau in floor.wander]
 
 
 def white_by_differences(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
@@ -153,21 +182,21 @@ def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
 def _series(
     series: Sequence[Floats], valid: Sequence[Mask], weights: Sequence[float] | None, spacing_s: float
 ) -> Series:
-    """Return the series as the likelihood kernels take it; arguments as for ``learn``, values zero where not valid."""
+    """Return the series as the likelihood kernels take it; ``values`` are zero where not valid."""
     held = np.concatenate(valid)
     spread = np.ones(len(series)) if weights is None else np.asarray(weights, dtype=np.float64)
     first = np.concatenate([[0], np.cumsum([s.size for s in series])]).astype(np.int64)
     return Series(np.concatenate(series), held, first, spread**2, float(spacing_s), max(1, int(held.sum())))
 
 
-def _floor_of(series: Series, shape: Floats) -> tuple[Floor, float]:
-    """Return the noise with parts of this ``shape``, shape (4,), scaled by maximum likelihood, and ln L."""
+def _floor_of(series: Series, shape: Floats) -> LikeliestFloor:
+    """Return the noise with parts of this ``shape``, shape (4,), scaled by maximum likelihood."""
     value, white = likelihood(series, shape)
     one, first, two, second = (float(part) for part in shape)
-    return Floor(white, (one * white, two * white), (first, second), series.spacing_s), value
+    return LikeliestFloor(Floor(white, (one * white, two * white), (first, second), series.spacing_s), value)
 
 
-def _search(series: Series, begin: Sequence[tuple[float, float]]) -> tuple[Floor, float]:
+def _search(series: Series, begin: Sequence[tuple[float, float]]) -> LikeliestFloor:
     span = math.log(LONGEST_TAU_S / SHORTEST_TAU_S)
     z = []
     for ratio, tau in begin:

@@ -5,11 +5,12 @@ directions of frame motion the whitened covariance is then one plus each band's 
 log strengths have a normal prior about the values read from the flights: neighbouring bands are strongly correlated,
 their common level is nearly free, and each line is near the strength read.  For a given shape of the wandering parts,
 strengths and white noise follow by Fisher scoring over all shots.  The shape is found by parabolic line searches.
+Without frame motion ``floor.likeliest_floor`` estimates white noise and wandering parts alone.
 """
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from analysis.compiled import side_by_side
 from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.normal_matrix import Places
 from analysis.inference.fit.samples import Samples
-from analysis.inference.noise.floor import Floor, white_floor
+from analysis.inference.noise.floor import MOST_PARTS, Floor, LikeliestFloor, likeliest_floor, white_floor, with_parts
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
 from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import shape_of
@@ -43,23 +44,6 @@ _PAIRS = 16  # pairs of points that sample the distribution of likely strengths
 
 
 @dataclass(frozen=True, slots=True)
-class _LikeliestStrengths:
-    """The likeliest strengths for one shape of the wandering parts (in units of the white noise), and their ln L."""
-
-    shape: Floor
-    at: Floats  # ln white^2, then the strengths
-    value: float
-
-    @property
-    def floor(self) -> Floor:
-        """Get the noise with these strengths."""
-        white_m = math.exp(0.5 * self.at[0])
-        one, two = self.shape.rms_m
-        strengths = tuple(float(a) for a in self.at[1:])
-        return replace(self.shape, white_m=white_m, rms_m=(one * white_m, two * white_m), site=strengths)
-
-
-@dataclass(frozen=True, slots=True)
 class _ShotSet:
     """Residuals of shots on a moving frame, in m, shape (n,) each; ``tangents`` are the derivatives by parameters."""
 
@@ -78,8 +62,8 @@ class _ShotSet:
 
         return RestrictedLikelihood(side_by_side(of_shot, range(len(self.shots))), _prior(self.site))
 
-    def found(self, shape: Floor, start: Floats | None) -> _LikeliestStrengths:
-        """Return the likeliest strengths for this shape, searched from ``start``; about 20 ms for three shots."""
+    def found(self, shape: Floor, start: Floats | None) -> LikeliestFloor:
+        """Return the likeliest noise of this shape, searched from the logarithms ``start``; 20 ms for three shots."""
         likelihood = self.under(shape)
         if start is None:
             start = np.zeros(1 + self.site.bands)
@@ -87,15 +71,15 @@ class _ShotSet:
             square = sum(float(shot.rest_products[0, 0]) for shot in likelihood.shots)
             start[0] = math.log(max(square / freedom, 1e-40))
         best = likelihood.greatest((start,), self.curve)
-        return _LikeliestStrengths(shape, best.at, best.value)
+        return LikeliestFloor(shape.with_logarithms(best.at), best.value)
 
-    def nearby(self, begin: _LikeliestStrengths, parts: int, sides: tuple[float, float]) -> _LikeliestStrengths:
-        """Return the likeliest shape with ``parts`` wandering parts, and its strengths, searched from ``begin``.
+    def nearby(self, begin: LikeliestFloor, parts: int, sides: tuple[float, float]) -> LikeliestFloor:
+        """Return the likeliest noise with ``parts`` wandering parts, searched from ``begin``.
 
         Each coordinate moves to the vertex of a parabola through ln L here and ``sides`` away (in ln of the step per
         sample and in ln tau), until the gain is below _ALIKE.  Cost: 4 likelihood maxima per part and iteration.
         """
-        best, side, spacing_s = begin, np.tile(sides, parts), begin.shape.spacing_s
+        best, side, spacing_s = begin, np.tile(sides, parts), begin.floor.spacing_s
 
         def value(z: Floats, at: Floats) -> float:
             nonlocal best
@@ -104,12 +88,12 @@ class _ShotSet:
             return trial.value
 
         for _ in range(_TURNS):
-            z, here = _coordinates(best.shape, parts), best
+            z, at, here = _coordinates(best.floor, parts), best.floor.logarithms, best
             ways = np.diag(side)
-            vertices = [_vertex(value(z - way, here.at), here.value, value(z + way, here.at)) for way in ways]
+            vertices = [_vertex(value(z - way, at), here.value, value(z + way, at)) for way in ways]
             if sum(gain for _, gain in vertices) < _ALIKE:
                 break
-            value(z + np.array([place for place, _ in vertices]) @ ways, best.at)
+            value(z + np.array([place for place, _ in vertices]) @ ways, best.floor.logarithms)
             if best is here:
                 break
         return best
@@ -124,43 +108,39 @@ def _vertex(before: float, here: float, after: float) -> tuple[float, float]:
 
 
 def learn(
-    series: Sequence[Floats], shots: Sequence[Samples], site: Site, *, start: Floor | None = None, parts: int = 0
-) -> tuple[Floor, float]:
-    """Return the likeliest noise of residuals ``series`` (m, one for each shot) on a moving frame, and ln L.
+    series: Sequence[Floats], shots: Sequence[Samples], site: Site, *, start: Floor | None = None, anew: bool = False
+) -> LikeliestFloor:
+    """Return the likeliest noise of residuals ``series`` (m, one for each shot).
 
-    The noise is white noise, frame motion and up to ``parts`` wandering parts, each added only if it lowers the
-    Bayesian information criterion.  With ``parts`` zero the wandering parts keep their shape in ``start``.  Cost: about
-    10 ms for three shots, half a second for each part.
+    The noise is white noise, wandering parts (see ``with_parts``) and frame motion.  On a moving frame the wandering
+    parts keep their shape in ``start``, with none without a start, unless ``anew`` estimates it from the residuals.
+    Cost: 1-5 ms for three shots; on a moving frame 10 ms, and half a second for each wandering part.
     """
+    if not site.moves:
+        valid, weights = [shot.valid for shot in shots], [shot.weight for shot in shots]
+        return likeliest_floor(series, valid, shots[0].spacing_s, weights=weights, start=start)
     no_parameters = Arrow.of([np.empty((values.size, 0)) for values in series], 0)
     left = _ShotSet(series, no_parameters, shots, site)
-    spacing_s = shots[0].spacing_s
     start = start if start is not None and start.site else None
     at = start.logarithms if start is not None else None
-    if start is not None and not parts:
-        found = left.found(shape_of(start), at)
-        return found.floor, found.value
-    best = left.found(white_floor(1.0, spacing_s), at)
-    most = parts if start is None else max(1, sum(rms > 0 for rms in start.rms_m))
-    for number in range(1, most + 1):
-        trial = _with_next_part(left, best, start, number)
-        samples = sum(int(shot.valid.sum()) for shot in shots)
-        if trial is None or 2 * (trial.value - best.value) < 2 * math.log(samples):
-            break
-        best = trial
-    return best.floor, best.value
+    white = white_floor(1.0, shots[0].spacing_s)
+    if not anew:
+        return left.found(white if start is None else shape_of(start), at)
+    most = MOST_PARTS if start is None else max(1, len(start.wander))
+    samples = sum(int(shot.valid.sum()) for shot in shots)
+    best = left.found(white, at)
+    return with_parts(best, most, samples, lambda here, number: _with_next_part(left, here, start, number))
 
 
-def _with_next_part(
-    left: _ShotSet, best: _LikeliestStrengths, start: Floor | None, number: int
-) -> _LikeliestStrengths | None:
-    """Return the likeliest strengths with a ``number``-th wandering part, searched from that of ``start`` if any.
+def _with_next_part(left: _ShotSet, best: LikeliestFloor, start: Floor | None, number: int) -> LikeliestFloor | None:
+    """Return the likeliest noise with a ``number``-th wandering part, searched from that of ``start`` if any.
 
     None if a second part does not help even at its rough start.
     """
+    at = best.floor.logarithms
     if start is not None and start.rms_m[number - 1] > 0:
-        return left.nearby(left.found(shape_of(start, number), best.at), number, _CLOSER)
-    begins = [left.found(_with_a_part(best.shape, number, tau_s), best.at) for tau_s in _TAU_S[number - 1]]
+        return left.nearby(left.found(shape_of(start, number), at), number, _CLOSER)
+    begins = [left.found(_with_a_part(shape_of(best.floor), number, tau_s), at) for tau_s in _TAU_S[number - 1]]
     begin = max(begins, key=lambda found: found.value)
     return None if number > 1 and begin.value < best.value else left.nearby(begin, number, _SIDES)
 
@@ -203,8 +183,7 @@ def likely_strengths(
     likelihood = left.under(shape)
     best = likelihood.greatest((start.logarithms,), left.curve)
     likelihood.curvature(best)  # cached for the covariance; raises LinAlgError if the parameters are not determined
-    floor = _LikeliestStrengths(shape, best.at, best.value).floor
-    return LikelyStrengths(floor, likelihood, best, tangents.size)
+    return LikelyStrengths(shape.with_logarithms(best.at), likelihood, best, tangents.size)
 
 
 def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
@@ -215,14 +194,14 @@ def _with_a_part(shape: Floor, number: int, tau_s: float) -> Floor:
     return Floor(1.0, (first[0], second[0]), (first[1], second[1]), shape.spacing_s)
 
 
-def _coordinates(shape: Floor, parts: int) -> Floats:
+def _coordinates(noise: Floor, parts: int) -> Floats:
     """Return the coordinates of a shape search: for each part ln of its rms step per sample over white, and ln tau.
 
     Data determine the step per sample well even if rms and correlation time are poorly determined.
     """
     z = []
-    for rms, tau_s in zip(shape.rms_m[:parts], shape.tau_s[:parts], strict=True):
-        z += [math.log(rms * math.sqrt(2.0 * shape.spacing_s / tau_s)), math.log(tau_s)]
+    for rms, tau_s in zip(noise.rms_m[:parts], noise.tau_s[:parts], strict=True):
+        z += [math.log(rms / noise.white_m * math.sqrt(2.0 * noise.spacing_s / tau_s)), math.log(tau_s)]
     return np.array(z)
 
 

@@ -15,7 +15,7 @@ from scipy.special import chdtri
 
 from analysis.collision import NUISANCES, Effect
 from analysis.inference.fit.samples import Samples
-from analysis.inference.noise.floor import learn, white_floor
+from analysis.inference.noise.floor import likeliest_floor, white_floor
 from analysis.shot import Floats
 
 _MIN_SHOTS = 3  # two shots have at most four flights, fewer than the five common laws
@@ -105,5 +105,5 @@ def _log_likelihood(
         found = lsq_linear(white[:, 1:] / scale, white[:, 0], (least, np.inf), method="bvls")
         acting = int(np.sum(found.active_mask[2 * count :] == 0))
         left = [x - block @ (found.x / scale) for x, block in zip(series, blocks, strict=True)]
-        floor, value = learn(left, valid, spacing_s, weights=weights, start=floor)
+        floor, value = likeliest_floor(left, valid, spacing_s, weights=weights, start=floor)
     return value, acting

@@ -32,23 +32,31 @@ class Site:
         """Get the number of bands; each has one strength."""
         return int(self.band.max(initial=-1)) + 1
 
+    @property
+    def moves(self) -> bool:
+        """Get whether the frame moves at all."""
+        return self.band.size > 0
 
-def resembles_frame_motion(row: Effect) -> bool:
-    """Return whether an effect looks like frame motion: a sine throughout the shot, or a plate moving at the touch."""
-    return row.wave is not None or row.acts is Acts.AT_START
+    def resembles(self, row: Effect) -> bool:
+        """Return whether an effect looks like this motion: a sine in the whole shot, or a plate moving at the touch."""
+        return self.moves and (row.wave is not None or row.acts is Acts.AT_START)
+
+
+_NONE = np.empty(0)
+STILL_FRAME = Site(VibrationSpectrum(_NONE, _NONE, np.empty(0, dtype=np.bool_)), np.empty(0, dtype=np.int64), 0)
 
 
 def site_of(
     vibrations: Sequence[VibrationSpectrum | None], length_s: float, least_nm: float, *, whole: bool = False
-) -> Site | None:
-    """Return the frame's motion during shots of ``length_s``; None if its random part is below ``least_nm`` rms.
+) -> Site:
+    """Return the frame's motion in shots of ``length_s``; STILL_FRAME if its random part is below ``least_nm`` rms.
 
     The random spectrum is the mean over the shots.  Lines at one frequency in several shots are one line.  With
     ``whole`` all motion counts as the frame's, else only frequencies at which it exceeds possible path wander.
     """
     known = [vibration.below(BELOW_HZ) for vibration in vibrations if vibration is not None]
     if not known:
-        return None
+        return STILL_FRAME
     share = 1.0 / len(vibrations)
     apart_hz = _APART / length_s
     frequency = np.arange(0.25 * apart_hz, max(float(one.frequency_hz[-1]) for one in known), apart_hz)
@@ -57,7 +65,7 @@ def site_of(
     quick = frequency.size if whole else _of_the_frame(frequency, power)
     frequency, power = frequency[:quick], power[:quick]
     if quick < 2 or 1e9 * float(np.sqrt(power.sum())) < least_nm:  # optical-path wander only
-        return None
+        return STILL_FRAME
     third = np.floor(_IN_AN_OCTAVE * np.log2(np.maximum(frequency / frequency[1], 1.0)))
     band = np.unique(third, return_inverse=True)[1]
     at = np.concatenate([one.frequency_hz[~one.random] for one in known])

@@ -18,7 +18,7 @@ from scipy.linalg.lapack import dpstrf
 
 from analysis.collision import effect_named
 from analysis.compiled import side_by_side, solve_triangle
-from analysis.inference.fit.base import Base
+from analysis.inference.fit.base import Base, Plates
 from analysis.inference.fit.effective_parameters import Point, Values
 from analysis.inference.fit.response import ShotModel, respond
 from analysis.inference.fit.samples import Samples
@@ -251,13 +251,22 @@ def _orthonormal(columns: Floats, least: float) -> tuple[Floats, Floats]:
     return np.ascontiguousarray(basis), factors
 
 
-def on_site(shots: Sequence[Samples], site: Site | None, base: Base, at: Point) -> tuple[Samples, ...]:
-    """Return the shots with the frame's contribution, linearised about the motion at these parameters."""
-    if site is None:
+def on_site(shots: Sequence[Samples], site: Site, base: Base, at: Point, plates: Plates = ()) -> tuple[Samples, ...]:
+    """Return the shots with the frame's contribution, linearised about the motion at these parameters.
+
+    ``plates``, if any, are the plates' states (m, m/s) at first touch about which it is linearised.
+    """
+    if not site.moves:
         return tuple(shots)
+    swung = with_plates(shots, plates)
 
     def of_shot(index: int) -> Sway:
-        return frame_response_of(shots[index], site, base, at.base, at.own[index], at.values[index])
+        return frame_response_of(swung[index], site, base, at.base, at.own[index], at.values[index])
 
-    every = side_by_side(of_shot, range(len(shots)))
-    return tuple(replace(shot, sway=sway) for shot, sway in zip(shots, every, strict=True))
+    every = side_by_side(of_shot, range(len(swung)))
+    return tuple(replace(shot, sway=sway) for shot, sway in zip(swung, every, strict=True))
+
+
+def with_plates(shots: Sequence[Samples], plates: Plates) -> tuple[Samples, ...]:
+    """Return the shots with each plate's state at first touch (m, m/s), if ``plates`` is not empty."""
+    return tuple(replace(s, plate=plate) for s, plate in zip(shots, plates, strict=True)) if plates else tuple(shots)

@@ -11,6 +11,7 @@ from analysis.inference.fit.free_parameters import trial_effects
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.record import motion_from_displacement
@@ -50,4 +51,4 @@ def calm() -> bool:
 def base_fit(motions: tuple[Motion, ...]) -> Fitted:
     """Return the base model's best fit at the diagnosis' rate."""
     data = JointData(averaged_shots(motions), base_named("paper"))
-    return begin.base_fit(data, first_fit(averaged_shots(motions), "paper", None, calm), calm)
+    return begin.base_fit(data, first_fit(averaged_shots(motions), "paper", STILL_FRAME, calm), calm)

@@ -10,6 +10,7 @@ from analysis.diagnosis import best_first as module
 from analysis.diagnosis.best_first import BestFirst, Branch
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot import AnalysisError
 
 MOST = CRITERIA.most_effects
@@ -28,12 +29,15 @@ class Over:
         return self._question.over
 
 
+MOVING = SimpleNamespace(moves=True)
+
+
 class DiagnosisInput:
     """A question whose time is over or not, of shots in a building or at rest."""
 
     motions, shots, begin, catalogue, accepted, stop = "motions", "shots", "begin", "catalogue", "accepted", "stop"
 
-    def __init__(self, site: str | None = "site", *, over: bool = False) -> None:
+    def __init__(self, site: Any = MOVING, *, over: bool = False) -> None:
         self.site, self.over, self.told = site, over, []
         self.limit: Any = Over(self)
         self.progress = self.told.append
@@ -89,7 +93,7 @@ def next_step(*given: Any, **more: Any) -> tuple[str, tuple[Any, ...]]:
 
 def test_a_search_begins_in_a_building_where_there_is_one_and_else_at_rest() -> None:
     assert next_step(None, None) == ("_search_in_building", ())
-    assert next_step(None, None, DiagnosisInput(None)) == ("_search_at_rest", ())
+    assert next_step(None, None, DiagnosisInput(STILL_FRAME)) == ("_search_at_rest", ())
 
 
 @pytest.mark.parametrize(
@@ -176,7 +180,7 @@ def test_a_building_that_explains_all_by_itself_is_asked_for_one_law_that_it_hid
     ],
 )  # fmt: skip
 def test_of_two_branches_the_likelier_is_carried_on(building: Branch | None, rest: Branch, step: str, of: str) -> None:
-    question = DiagnosisInput(None if building is None else "site")
+    question = DiagnosisInput(STILL_FRAME if building is None else MOVING)
     args = tuple(eval(one, {"building": building, "rest": rest}) for one in of.split())
     assert next_step(building, rest, question) == (step, args)
     question.over = True
@@ -216,14 +220,14 @@ def test_each_noise_is_searched_for_what_may_still_win() -> None:
     found._search_at_rest()
     found._search_in_building()
     found._search_at_rest()
-    question.site = None
+    question.site = STILL_FRAME
     found._in_building = None
     found._search_at_rest()
     assert asked == [
-        (None, {"most": MOST, "beat": math.inf}),
-        ("site", {"most": MOST - 1}),
-        (None, {"most": MOST, "beat": 5.0}),
-        (None, {"most": MOST - 1, "beat": math.inf}),
+        (STILL_FRAME, {"most": MOST, "beat": math.inf}),
+        (MOVING, {"most": MOST - 1}),
+        (STILL_FRAME, {"most": MOST, "beat": 5.0}),
+        (STILL_FRAME, {"most": MOST - 1, "beat": math.inf}),
     ]
     assert found._at_rest is not None and found._at_rest.law.beside is found._at_rest.searched.trail.start
     assert not found._at_rest.law_was_tried

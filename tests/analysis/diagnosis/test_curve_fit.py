@@ -21,6 +21,7 @@ from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot import Cancelled
 from tests.law_rigs import LawRig
 
@@ -38,7 +39,7 @@ def before_law() -> FitWithMotions:
     rig = LawRig(on_block=lambda x, _v, _y, _u: -2e-3 * math.exp(-abs(x) / 7e-4), kinks=(lambda x, *_: x,))
     motions = rig.shots()
     data = JointData(averaged_shots(motions), base_named("paper"))
-    return fit_with_motions(base_fit(data, first_fit(averaged_shots(motions), "paper", None, calm), calm))
+    return fit_with_motions(base_fit(data, first_fit(averaged_shots(motions), "paper", STILL_FRAME, calm), calm))
 
 
 def test_old_derivatives_lead_to_the_same_curve(before_law: FitWithMotions, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,7 +93,7 @@ def test_threads_that_come_first_share_the_members_of_a_basis() -> None:
 class Rows:
     """A problem whose displacements are what a test says; the noise is learned as a number that counts its times."""
 
-    def __init__(self, noise: float = 1.0, site: Any = None) -> None:
+    def __init__(self, noise: float = 1.0, site: Any = STILL_FRAME) -> None:
         self.noise = noise
         self.low, self.high, self.size = np.full(2, -1e9), np.full(2, 1e9), 2
         self.data: Any = SimpleNamespace(site=site, left_m=lambda shown: tuple(5.0 - one for one in shown))
@@ -231,7 +232,7 @@ class Walk:
         patch.setattr(curve_fit, "motions", anew)
         patch.setattr(CurveEquations, "step", lambda equations, terms: (None, np.eye(5), 2.5))
 
-    def fitted(self, steps: int, *, site: Any = None, to_the_end: bool = False, stop: Any = calm) -> Any:
+    def fitted(self, steps: int, *, site: Any = STILL_FRAME, to_the_end: bool = False, stop: Any = calm) -> Any:
         begin = place_of(0.0)
         problem: Any = Rows(site=site)
         return curve_fit._fitted(problem, begin.z, (TERM,), stop, steps, begin.motions, to_the_end=to_the_end)
@@ -254,7 +255,8 @@ def test_a_fit_of_curves_takes_its_steps_and_learns_the_noise_from_the_second_on
     np.testing.assert_allclose(found.curvature, np.ones((7, 7)) * 5 / 25.0)
     np.testing.assert_allclose(np.concatenate(found.residual_m), 1.0)
     moving = Walk(monkeypatch, *[(0.0, 9.0, 10.0)] * 4)
-    assert moving.fitted(4, site="site").problem.noise == 2.0  # a frame's strengths are learned at the end alone
+    # a frame's strengths are learned at the end alone
+    assert moving.fitted(4, site=SimpleNamespace(moves=True)).problem.noise == 2.0
     ended = Walk(monkeypatch, (0.0, 9.0, 10.0), (0.0, 9.0, 10.0))
     assert ended.fitted(2, to_the_end=True).z[0] == 2.0 and ended.fresh == [2.0]
     with pytest.raises(Cancelled):
@@ -341,16 +343,17 @@ def test_a_finer_curve_begins_as_the_one_before_it(monkeypatch: pytest.MonkeyPat
     assert np.abs(near - finer.coefficients).max() < 0.03 * np.abs(near).max()
 
 
-@pytest.mark.parametrize("site", [None, "site"])
+@pytest.mark.parametrize("moves", [False, True])
 def test_curves_are_first_laid_on_what_is_left_as_if_all_of_it_were_white(
-    site: str | None, monkeypatch: pytest.MonkeyPatch
+    moves: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(curve_fit, "white_floor", lambda *given: given)
     valid = np.array([True, True, False])
-    data = SimpleNamespace(site=site, shots=[SimpleNamespace(valid=valid), SimpleNamespace(valid=~valid)])
+    shots = [SimpleNamespace(valid=valid), SimpleNamespace(valid=~valid)]
+    data = SimpleNamespace(site=SimpleNamespace(moves=moves), shots=shots)
     start: Any = SimpleNamespace(
         problem=SimpleNamespace(data=data), noise=SimpleNamespace(spacing_s=2e-5), unlearned_noise="of flights",
         residual_m=[np.array([3.0, 4.0, 99.0]), np.array([99.0, 99.0, -5.0])],
     )  # fmt: skip
     found: Any = curve_fit._rough_noise(start)
-    assert found == ("of flights" if site else (pytest.approx(math.sqrt(50.0 / 3.0)), 2e-5))
+    assert found == ("of flights" if moves else (pytest.approx(math.sqrt(50.0 / 3.0)), 2e-5))

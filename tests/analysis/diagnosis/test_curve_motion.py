@@ -56,7 +56,7 @@ def test_the_columns_of_a_law_are_those_of_the_members_of_its_basis(monkeypatch:
         module._columns(term, row, path, 9)
 
 
-def problem_of(site: Any = None) -> Any:
+def problem_of(*, moves: bool = False) -> Any:
     """Return a problem of two shots whose own number stands at a place of its own."""
     lines = [(np.full(3, 10.0 + k), np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]) + k) for k in (0, 1)]
 
@@ -69,7 +69,7 @@ def problem_of(site: Any = None) -> Any:
     return SimpleNamespace(
         size=3, places=[np.array([0, 1]), np.array([0, 2])], derivatives=lambda z, rows=(): lines, shot_at=shot_at,
         arrow=lambda blocks: Arrow(tuple(blocks), 1, (np.array([0, 1]), np.array([0, 2])), 3),
-        unpack=lambda z: ("point", z), data=SimpleNamespace(shots=["s0", "s1"], site=site),
+        unpack=lambda z: ("point", z), data=SimpleNamespace(shots=["s0", "s1"], site=SimpleNamespace(moves=moves)),
         displacement=lambda z, rows: [("shown", z, row) for row in rows],
     )  # fmt: skip
 
@@ -110,9 +110,9 @@ def test_derivatives_stand_at_the_places_of_their_numbers(laid: bool, monkeypatc
 
 
 def test_on_a_moving_frame_laws_are_laid_on_the_fit_under_the_noise_of_the_flights() -> None:
-    again = SimpleNamespace(problem=problem_of("site"), z="again", point="point again")
+    again = SimpleNamespace(problem=problem_of(moves=True), z="again", point="point again")
     noisy = SimpleNamespace(fit_once=lambda z: again if z == "z" else None)
-    problem = problem_of("site")
+    problem = problem_of(moves=True)
     problem.with_noise = lambda noise: noisy if noise == "of flights" else None
     fitted: Any = SimpleNamespace(problem=problem, z="z", point="point", unlearned_noise="of flights")
     assert module.fit_with_motions(fitted).fitted is again  # type: ignore[comparison-overlap]

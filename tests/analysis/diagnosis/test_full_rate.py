@@ -13,6 +13,7 @@ from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
+from analysis.inference.noise.site import STILL_FRAME
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 RIPPLE = "cyclic_error"
@@ -129,7 +130,7 @@ def test_a_ripple_is_fitted_at_the_records_rate_from_where_it_scores_best(
     assert trail is rate.trail and effect is effect_named(RIPPLE) and (start, stop) == ("first", "stop")
     bare = () if found else (effect_named("tilt"),)
     ((asked, shots),) = rate.asked
-    assert asked == bare and shots[1] == ["plate", "plate"]
+    assert asked == bare and shots[1] == ("plate", "plate")
     assert data.shots == (shots, None, "base", f"point of {len(bare)}")
 
 
@@ -151,8 +152,7 @@ def test_there_is_no_look_where_no_ripple_may_be_seen(more: Any, monkeypatch: py
     assert lost.look(fit_of()) is None and lost.asked
 
 
-@pytest.mark.parametrize("site", [None, "site"])
-def test_noise_beside_other_data_is_learned_from_the_residual_there(site: str | None) -> None:
+def test_noise_beside_other_data_is_learned_from_the_residual_there() -> None:
     asked: list[Any] = []
 
     class Problem:
@@ -169,13 +169,12 @@ def test_noise_beside_other_data_is_learned_from_the_residual_there(site: str | 
         def with_noise(self, noise: Any) -> Any:
             return Some(linearise=lambda z: (noise, z, self.data))
 
-    noise = Some(without_site="without site")
-    data: Any = _Data(site)
+    data: Any = _Data("site")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(full_rate, "replace", lambda problem, *, data: Problem(data))
-        best: Any = Some(problem="problem", noise=noise, z="z")
+        best: Any = Some(problem="problem", noise="noise", z="z")
         found: Any = full_rate._beside(best, data)
-    assert found == ("learned", "z", data) and asked == [(("left", "z"), noise if site else "without site")]
+    assert found == ("learned", "z", data) and asked == [(("left", "z"), "noise")]
 
 
 @pytest.mark.parametrize(("worth", "promises"), [(20.1, True), (19.9, False)])
@@ -209,7 +208,7 @@ def test_a_ripple_promises_to_pay_with_all_that_is_slow_taken_off(
     given: Any = ("ripple", best, [Shot(fine_s, np.full(50, 1000.0))], trail)
     assert full_rate._promises(*given) is promises
     (data,) = made
-    assert data.site is None and data.base == "base"
+    assert data.site is STILL_FRAME and data.base == "base"
     np.testing.assert_allclose(
         data.shots[0].displacement_m, 1000.0 - (30.0 - 10.0 * fine_s) + 200.0 * fine_s, atol=1e-9
     )

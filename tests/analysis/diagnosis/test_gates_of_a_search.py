@@ -205,18 +205,18 @@ def test_a_wander_that_flights_do_not_show_asks_for_another_way(
 
 
 @pytest.mark.parametrize(
-    ("learned", "in_flight", "site", "hides"),
+    ("learned", "in_flight", "moves", "hides"),
     [
-        (WANDERING, CALM, None, True),
-        (WANDERING, WANDERING, None, False),
-        (CALM, CALM, None, False),
-        (WANDERING, CALM, "a building", False),
+        (WANDERING, CALM, False, True),
+        (WANDERING, WANDERING, False, False),
+        (CALM, CALM, False, False),
+        (WANDERING, CALM, True, False),
     ],
 )
 def test_a_path_that_wanders_does_so_in_flight_as_well(
-    learned: Floor, in_flight: Floor, site: object, hides: bool
+    learned: Floor, in_flight: Floor, moves: bool, hides: bool
 ) -> None:
-    data = SimpleNamespace(site=site, noise_of_flights=in_flight)
+    data = SimpleNamespace(site=SimpleNamespace(moves=moves), noise_of_flights=in_flight)
     problem: Any = SimpleNamespace(data=data, with_noise=lambda noise: problem, noise=learned)
     fitted = Fitted(problem, np.zeros(1), 0.0, (), np.eye(1), True)
     assert fitted.wanders_only_in_contact is hides

@@ -13,13 +13,14 @@ from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.noise.site import STILL_FRAME
 from tests.law_rigs import LawRig
 
 
 def begun(rig: LawRig, speeds_m_per_s: Sequence[float] = (0.15, 0.24, 0.36)) -> Fitted:
     motions = rig.shots(speeds_m_per_s)
     data = JointData(averaged_shots(motions), base_named("paper"))
-    return base_fit(data, first_fit(averaged_shots(motions), "paper", None, lambda: False), lambda: False)
+    return base_fit(data, first_fit(averaged_shots(motions), "paper", STILL_FRAME, lambda: False), lambda: False)
 
 
 def learned(rig: LawRig) -> tuple[Fitted, Discovery | None]:

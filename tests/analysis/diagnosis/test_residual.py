@@ -273,18 +273,18 @@ def test_a_shape_that_all_shots_share_is_sought_at_three_powers_of_the_speed(mon
 
 
 @pytest.mark.parametrize("count", [1, 3])
-@pytest.mark.parametrize("site", [None, "site"])
+@pytest.mark.parametrize("moves", [False, True])
 @pytest.mark.parametrize("over", [True, False])
-def test_a_residual_is_tested_whole(over: bool, site: str | None, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_residual_is_tested_whole(over: bool, moves: bool, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a moving frame under the noise of the flights, of uncertain strengths: chance gains three times more."""
     white = [np.full(5, 2.0)] * count
-    limit = 40.0 * 1.5 * (3.0 if site else 1.0)
+    limit = 40.0 * 1.5 * (3.0 if moves else 1.0)
     at: Any = SimpleNamespace(under=lambda noise: ("under", noise))
-    data = SimpleNamespace(shots=["shot"] * count, site=site)
+    data = SimpleNamespace(shots=["shot"] * count, site=SimpleNamespace(moves=moves))
     fitted: Any = SimpleNamespace(
         problem=SimpleNamespace(data=data), unlearned_noise="flights", whitened=lambda: white
     )  # fmt: skip
-    used = ("under", "flights") if site else at
+    used = ("under", "flights") if moves else at
     monkeypatch.setattr(module, "_correlation", lambda given: 0.01 if given is white else None)
     monkeypatch.setattr(module, "_ratio", lambda given, shots: 1.2 if given is white and shots is data.shots else None)
     monkeypatch.setattr(module, "low_frequency_excess", lambda given: 1.5 if given is white else None)

@@ -13,6 +13,7 @@ from analysis.diagnosis.search import forward_selection, search
 from analysis.diagnosis.search.search import Search, SearchResult
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Point
+from analysis.inference.noise.site import STILL_FRAME
 from tests.analysis.diagnosis.shots import KINDS
 
 DRAG, TILT, ARM = effects_named(("viscous_drag", "tilt", "viscoelastic_arm"))
@@ -62,6 +63,9 @@ def test_two_effects_that_hide_each_other_take_the_place_where_they_are_likelier
         assert (found.best is pair) is taken and (found is searched) is not taken and found.rounds == 1
 
 
+MOVING: Any = SimpleNamespace(moves=True, resembles=lambda effect: effect in (TILT, ARM))
+
+
 class Stage:
     """Stands in for all that a search asks; ``fits`` are its best with and without accelerations of each shot's own."""
 
@@ -89,7 +93,6 @@ class Stage:
         patch.setattr(search, "accept", lambda base, *given: ("accepted", base, *given))
         patch.setattr(search, "with_frame_relinearised", lambda start, stop: ("anew", *start[1:], stop))
         patch.setattr(search, "search_from_base", search_from_base)
-        patch.setattr(search, "resembles_frame_motion", lambda effect: effect in (TILT, ARM))
         patch.setattr(search, "nearly_as_likely", lambda first, trail: [fit(51.0, TILT), first])
         patch.setattr(
             search,
@@ -114,8 +117,8 @@ class Stage:
 
 def test_at_rest_the_whole_catalogue_is_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Stage(monkeypatch)
-    searched = stage.search(limit="limit").under(None, most=2, beat=7.0)
-    data = ("shots", ("shots", "given", None))
+    searched = stage.search(limit="limit").under(STILL_FRAME, most=2, beat=7.0)
+    data = ("shots", ("shots", "given", STILL_FRAME))
     told, (_, start, given, names, stop, options) = stage.asked
     assert told == ("scoring the catalogue", 0.15)
     assert start[:2] == ("accepted", ("base", data, "given", "stop", ())) and start[3:] == ((), "stop")
@@ -123,25 +126,25 @@ def test_at_rest_the_whole_catalogue_is_searched(monkeypatch: pytest.MonkeyPatch
     assert options == {"most": 2, "limit": "limit", "beat": 7.0}
     assert searched.best is stage.best
     assert searched.rounds == CRITERIA.most_effects - 2
-    assert stage.search().under(None).rounds == 0  # fewer were found than might have been
-    assert stage.search(accepted=(DRAG,)).under(None) and stage.asked[-1][1][0] == "anew"
+    assert stage.search().under(STILL_FRAME).rounds == 0  # fewer were found than might have been
+    assert stage.search(accepted=(DRAG,)).under(STILL_FRAME) and stage.asked[-1][1][0] == "anew"
 
 
 def test_on_a_moving_frame_its_motion_is_no_finding_and_its_response_follows(monkeypatch: pytest.MonkeyPatch) -> None:
     stage = Stage(monkeypatch)
-    searched = stage.search(accepted=(TILT,)).under("site", most=3)  # type: ignore[arg-type]
+    searched = stage.search(accepted=(TILT,)).under(MOVING, most=3)
     *_, (_, start, _, names, _, options), added = stage.asked
     assert names == ["viscous_drag", "tilt"]  # which the model has, though it resembles a frame
-    assert start[1][1] == ("shots", ("shots", "given", "site")) and start[0] == "anew" and start[-1] == "stop"
+    assert start[1][1] == ("shots", ("shots", "given", MOVING)) and start[0] == "anew" and start[-1] == "stop"
     assert options == {"most": 1, "limit": None}  # plates seem to move where an effect is missing
     assert added[1].bic == 49.0 and added[1].effects == (DRAG,) and added[2] == 2  # likelier by the frame's response
     assert (searched.best.bic, searched.best.swayed) == (39.0, True)
     still = Stage(monkeypatch, climbed=lambda here: here)
-    assert still.search().under("site").best.bic == 49.0  # type: ignore[arg-type]
+    assert still.search().under(MOVING).best.bic == 49.0
     none = Stage(monkeypatch)
     none.first = fit(60.0)
     monkeypatch.setattr(search, "nearly_as_likely", lambda first, trail: [first])
-    assert none.search().under("site").best.bic == 59.0 and none.asked[-1][0] == "search_from_base"  # type: ignore[arg-type]
+    assert none.search().under(MOVING).best.bic == 59.0 and none.asked[-1][0] == "search_from_base"
 
 
 @pytest.mark.parametrize(
@@ -159,7 +162,7 @@ def test_accelerations_of_each_shots_own_stay_where_they_pay(
 ) -> None:
     stage = Stage(monkeypatch, along=("own",), pays=pays, compared=compared)
     stage.plain = fit(plain, DRAG)
-    searched = stage.search().under(None)
+    searched = stage.search().under(STILL_FRAME)
     assert searched.best is (stage.best if own else stage.plain)
     with_them, without = (one for one in stage.asked if one[0] == "search_from_base")
     assert with_them[1][1][4] == ("own",) and without[1][1][4] == ()
@@ -182,7 +185,7 @@ def test_a_fit_may_be_likelier_without_a_building(better: bool, monkeypatch: pyt
     one = Search(question())
     assert one.likelier_without_frame_motion(best) is better
     ((problem, new),) = made
-    assert problem == "problem" and new["data"] == ("shots", "given", None)
+    assert problem == "problem" and new["data"] == ("shots", "given", STILL_FRAME)
     assert new["noise"] == (pytest.approx(math.sqrt(50.0 / 4)), 2e-5)
     assert not one.likelier_without_frame_motion(fit(100.0))  # there is nothing that bends flights
 

@@ -16,6 +16,7 @@ from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.noise.floor import white_floor
+from analysis.inference.noise.site import STILL_FRAME
 from tests.analysis.diagnosis.shots import KINDS, calm, shots
 
 
@@ -23,7 +24,7 @@ from tests.analysis.diagnosis.shots import KINDS, calm, shots
 def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collision_was_read() -> None:
     size = 2.9e5  # the contact that is read is drawn to a wall as well
     motions = shots({"cubic_stiffness": {"coefficient_n_per_m3": size}})
-    given = first_fit(averaged_shots(motions), "paper", None, calm)
+    given = first_fit(averaged_shots(motions), "paper", STILL_FRAME, calm)
     before = base_fit(JointData(averaged_shots(motions), base_named("paper")), given, calm)
     assert given.left > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff

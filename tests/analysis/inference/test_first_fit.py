@@ -15,6 +15,7 @@ from analysis.inference.fit.first_fit import first_fit, likeliest_plates
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.samples import averaged_shot
 from analysis.inference.noise.floor import white_floor
+from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot import AnalysisError, Cancelled
 from tests.analysis.collision.simulated import shot
 from tests.analysis.diagnosis.shots import calm
@@ -105,7 +106,7 @@ def searched(
     """
     asked: list[float] = []
     motion = shot(PAPER)
-    site: Any = SimpleNamespace(vibration=SimpleNamespace(rms_m=3e-9)) if moves else None
+    site: Any = SimpleNamespace(moves=moves, vibration=SimpleNamespace(rms_m=3e-9 if moves else 0.0))
 
     def guesses(base: Any, shots: Any, stop: Any, sways_m: float = 0.0) -> list[np.ndarray]:
         assert sways_m == (3e-9 if moves else 0.0)
@@ -125,7 +126,7 @@ def searched(
         return start(number, left if number < 9.0 else 0.1 * left)
 
     def best(data: JointData, starts: list[SearchStart], _noise: Any, _stop: Any) -> SearchStart:
-        assert data.site is None and [one.shared[0] for one in starts] == [50.0]
+        assert data.site.moves is False and [one.shared[0] for one in starts] == [50.0]
         assert starts[0].own.tolist() == [averaged_shot(motion).course.own.tolist()]
         asked.append(-9.0)
         if still is None:
@@ -177,4 +178,4 @@ def test_where_nothing_moves_so_it_is_said(monkeypatch: pytest.MonkeyPatch, move
     monkeypatch.setattr(module, "_best_of_searches", lambda *_: pytest.fail("cancelled"))
     monkeypatch.setattr(module, "first_guesses", lambda *_: (_ for _ in ()).throw(Infeasible("late")))
     with pytest.raises(Cancelled):
-        first_fit((averaged_shot(shot(PAPER)),), "paper", None, lambda: True, noise=FLOOR)
+        first_fit((averaged_shot(shot(PAPER)),), "paper", STILL_FRAME, lambda: True, noise=FLOOR)

@@ -147,7 +147,7 @@ def test_with_a_frame_its_random_motion_and_its_lines_are_left_out(monkeypatch: 
     noise, trusted = flights.noise_of_flights([shot], site)
     assert asked == [(24, pytest.approx(0.06 * np.pi), [pytest.approx(0.11 * np.pi), pytest.approx(0.18 * np.pi)])]
     assert trusted and noise.site == (0.0, 0.0, 0.0) and noise.white_m == pytest.approx(1e-10)
-    alone, _ = flights.noise_of_flights([shot], None)
+    alone, _ = flights.noise_of_flights([shot])
     assert alone.site == () and asked[-1] == (24, 0.0, [])
     short = SimpleNamespace(**{**vars(shot), "course": replace_course(course)})
     short.displacement_m = 1e-9 * np.random.default_rng(1).standard_normal(60)

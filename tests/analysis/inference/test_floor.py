@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from analysis.inference.noise.floor import Floor, learn, white_by_differences
+from analysis.inference.noise.floor import (
+    Floor,
+    LikeliestFloor,
+    likeliest_floor,
+    white_by_differences,
+    white_floor,
+    with_parts,
+)
 
 FLOOR = Floor(1e-10, (4e-10, 0.0), (2.5e-3, 1e-2), 5e-5)
 
@@ -36,7 +43,7 @@ def test_the_learned_likelihood_is_that_of_the_dense_covariance() -> None:
     random = np.random.default_rng(2)
     series = [drawn(300, random) for _ in range(2)]
     valid = [np.ones(300, dtype=bool)] * 2
-    floor, value = learn(series, valid, FLOOR.spacing_s, parts=1)
+    floor, value = likeliest_floor(series, valid, FLOOR.spacing_s)
     dense = 0.0
     for one in series:
         covariance = _covariance(floor, 300)
@@ -49,10 +56,10 @@ def test_the_learned_likelihood_is_that_of_the_dense_covariance() -> None:
 def test_a_floor_is_learned_as_it_was_made_and_white_noise_stays_white() -> None:
     random = np.random.default_rng(3)
     valid = [np.ones(1200, dtype=bool)] * 3
-    floor, _ = learn([drawn(1200, random) for _ in range(3)], valid, FLOOR.spacing_s)
+    floor, _ = likeliest_floor([drawn(1200, random) for _ in range(3)], valid, FLOOR.spacing_s)
     assert floor.white_m == pytest.approx(1e-10, rel=0.1)
     assert floor.rms_m[0] == pytest.approx(4e-10, rel=0.3)
-    white, _ = learn([1e-10 * random.standard_normal(1200) for _ in range(3)], valid, FLOOR.spacing_s)
+    white, _ = likeliest_floor([1e-10 * random.standard_normal(1200) for _ in range(3)], valid, FLOOR.spacing_s)
     assert white.rms_m == (0.0, 0.0)
     assert white.white_m == pytest.approx(1e-10, rel=0.05)
 
@@ -77,7 +84,7 @@ def test_shots_weighed_by_their_noise_show_one_floor() -> None:
     series = [weight * 1e-10 * random.standard_normal(3000) for weight in weights]
     series[0][:10] = 1.0
     valid = [np.arange(3000) >= 10, np.arange(3000) < 2900]
-    floor, value = learn(series, valid, 5e-5, weights=weights)
+    floor, value = likeliest_floor(series, valid, 5e-5, weights=weights)
     assert floor.rms_m == (0.0, 0.0) and floor.white_m == pytest.approx(1e-10, rel=0.03)
     std = [weight * floor.white_m for weight in weights]
     dense = sum(
@@ -89,17 +96,32 @@ def test_shots_weighed_by_their_noise_show_one_floor() -> None:
     assert white_by_differences([np.ones(3)], [np.ones(3, dtype=bool)]) == 0.0
 
 
-def test_a_second_part_is_added_where_it_pays_and_only_if_it_is_asked_for() -> None:
+def test_a_part_is_added_where_it_pays_and_only_if_it_is_asked_for() -> None:
+    """It must raise ln L by the logarithm of the number of samples."""
+    price = np.log(300)
+
+    def parts(gains: list[float | None], most: int = 2) -> int:
+        def with_next(best: LikeliestFloor, number: int) -> LikeliestFloor | None:
+            assert best.floor.white_m == number  # the white noise of these counts the parts, from one
+            gain = gains[number - 1]
+            return None if gain is None else LikeliestFloor(white_floor(number + 1.0, 5e-5), best.value + gain)
+
+        found = with_parts(LikeliestFloor(white_floor(1.0, 5e-5), 7.0), most, 300, with_next)
+        return round(found.floor.white_m) - 1
+
+    assert [parts([price + 0.1, price + 0.1], most) for most in (0, 1, 2)] == [0, 1, 2]
+    assert parts([price - 0.1, 99.0]) == parts([None, 99.0]) == 0 and parts([99.0, price - 0.1]) == 1
+
+
+def test_two_parts_are_found_as_they_were_made() -> None:
     random = np.random.default_rng(7)
     floor = Floor(1e-10, (1e-9, 4e-9), (5e-4, 0.1), 5e-5)
     root = np.linalg.cholesky(_covariance(floor, 1500))
     series = [root @ random.standard_normal(1500) for _ in range(3)]
     valid = [np.ones(1500, dtype=bool)] * 3
-    (none, least), (one, less), (two, most) = (learn(series, valid, 5e-5, parts=parts) for parts in (0, 1, 2))
-    assert [sum(rms > 0 for rms in noise.rms_m) for noise in (none, one, two)] == [0, 1, 2]
-    assert least < less < most and 2 * (most - less) > 2 * np.log(4500)
+    two, most = likeliest_floor(series, valid, 5e-5)
     assert sorted(two.tau_s)[0] == pytest.approx(5e-4, rel=0.5) and sorted(two.rms_m) == pytest.approx(
         [1e-9, 4e-9], rel=0.2
     )
-    again, value = learn(series, valid, 5e-5, start=two)
+    again, value = likeliest_floor(series, valid, 5e-5, start=two)
     assert value == pytest.approx(most, abs=0.2) and sorted(again.rms_m) == pytest.approx(sorted(two.rms_m), rel=0.3)

@@ -136,9 +136,9 @@ def test_a_shape_is_a_floor_in_units_of_its_white_noise() -> None:
     assert shape_of(floor, 1) == Floor(1.0, (3.0, 0.0), (1e-3, 2e-2), 5e-5)
     far = frame_strengths._shape_at(np.array([0.0, math.log(1e-9), 0.0, math.log(1e3)]), 5e-5)
     assert far.tau_s == pytest.approx((3e-4, 1.0))
-    found = frame_strengths._LikeliestStrengths(shape_of(floor), np.array([math.log(9.0), 0.5, -0.5]), 1.0)
-    assert found.floor.white_m == pytest.approx(3.0) and found.floor.rms_m == pytest.approx((9.0, 12.0))
-    assert found.floor.site == (0.5, -0.5)
+    found = shape_of(floor).with_logarithms(np.array([math.log(9.0), 0.5, -0.5]))
+    assert found.white_m == pytest.approx(3.0) and found.rms_m == pytest.approx((9.0, 12.0))
+    assert found.site == (0.5, -0.5) and found.logarithms == pytest.approx([math.log(9.0), 0.5, -0.5])
 
 
 def test_neighbouring_bands_differ_little_beforehand_and_lines_stand_alone() -> None:

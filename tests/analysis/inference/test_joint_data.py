@@ -17,9 +17,9 @@ from analysis.inference.fit.joint_data import (
     joint_data,
     resolves_frame_motion,
     site_under,
-    with_plates,
 )
 from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot import AnalysisError
 from tests.analysis.collision.simulated import shot
 
@@ -80,17 +80,17 @@ def test_shots_take_the_plates_of_a_beginning_and_the_frame_as_it_moves_there(mo
     begin = SearchStart(BASE, np.ones(4), np.zeros((1, 3)), ((1e-9, 2e-6),))
     site: Any = "a building"
     monkeypatch.setattr(
-        module, "on_site", lambda shots, where, base, at: (shots[0].plate, where, base, at.base.tolist())
+        module, "on_site", lambda shots, where, base, at, plates: (*plates, where, base, at.base.tolist())
     )
     found = joint_data(averaged_shots(motions, 1e5), begin, site)
     assert found.shots == ((1e-9, 2e-6), site, BASE, [1.0] * 4) and found.site is site and found.base is BASE
-    still = joint_data(averaged_shots(motions, 1e5), begin, None)
-    assert still.site is None and still.shots[0].factor == 1 and still.shots[0].plate == (0.0, 0.0)
-    assert joint_data(averaged_shots(motions), begin, None).shots[0].factor == 5
+    monkeypatch.undo()
+    still = joint_data(averaged_shots(motions, 1e5), begin, STILL_FRAME)
+    assert still.site is STILL_FRAME and still.shots[0].factor == 1 and still.shots[0].plate == (0.0, 0.0)
+    assert joint_data(averaged_shots(motions), begin, STILL_FRAME).shots[0].factor == 5
 
     def nowhere(*_: Any) -> Any:
         raise Infeasible("no collision")
 
     monkeypatch.setattr(module, "on_site", nowhere)
-    assert joint_data(averaged_shots(motions), begin, site).site is None
-    assert with_plates(still.shots, ()) == still.shots
+    assert joint_data(averaged_shots(motions), begin, site).site is STILL_FRAME

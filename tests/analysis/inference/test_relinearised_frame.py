@@ -9,13 +9,15 @@ import pytest
 from analysis.collision import Infeasible
 from analysis.inference.fit import relinearised_frame
 from analysis.inference.fit.relinearised_frame import with_frame_relinearised
+from analysis.inference.noise.site import STILL_FRAME
 from tests.analysis.diagnosis.shots import calm
 
 WHITE_M, STD = 1e-10, (2e-7, 3e-4)
+MOVING = Some(moves=True)
 
 
 class _Data:
-    def __init__(self, shots: Any, site: Any = "a building") -> None:
+    def __init__(self, shots: Any, site: Any = MOVING) -> None:
         self.shots, self.site, self.base = shots, site, None
 
 
@@ -27,7 +29,7 @@ def _sway(off: float, plate: tuple[float, float] = (0.0, 0.0)) -> Any:
     )
 
 
-def _fit(shots: Any, site: Any = "a building") -> Any:
+def _fit(shots: Any, site: Any = MOVING) -> Any:
     point, noise = Some(values="with the effect"), Some(white_m=WHITE_M)
     problem, left = Some(data=_Data(shots, site)), [None] * len(shots)
     return Some(problem=problem, point=point, noise=noise, z=None, residual_m=left, bic=0.0)
@@ -40,6 +42,8 @@ def _replaced(one: Any, **changes: Any) -> Any:
 
 
 def _with_plates(shots: Any, plates: Any) -> Any:
+    if not plates:
+        return shots
     return [Some(**{**vars(shot), "plate": plate}) for shot, plate in zip(shots, plates, strict=True)]
 
 
@@ -55,13 +59,13 @@ def test_it_is_computed_anew_where_it_is_wrong_or_a_plate_is_elsewhere(
     plate[place] = -moved * STD[place]
     computed = []
 
-    def on_site(shots: Any, _site: Any, _base: Any, at: Any) -> Any:
+    def on_site(shots: Any, _site: Any, _base: Any, at: Any, plates: Any) -> Any:
         computed.append(at.values)
+        shots = _with_plates(shots, plates)
         return tuple(Some(sway=_sway(0.0, shot.plate), plate=shot.plate) for shot in shots)
 
     monkeypatch.setattr(relinearised_frame, "on_site", on_site)
     monkeypatch.setattr(relinearised_frame, "replace", _replaced)
-    monkeypatch.setattr(relinearised_frame, "with_plates", _with_plates)
     calmer = Some(sway=_sway(0.0), plate=(0.0, 0.0))
     before = _fit((calmer, Some(sway=_sway(off, (float(plate[0]), float(plate[1]))), plate=(0.0, 0.0))))
     found = with_frame_relinearised(before, calm)
@@ -102,12 +106,12 @@ def test_plates_are_followed_as_long_as_that_makes_the_shots_likelier(
 
         return Some(data=changes["data"], fit=fit)
 
-    def on_site(shots: Any, *_: Any) -> Any:
+    def on_site(shots: Any, _site: Any, _base: Any, _at: Any, plates: Any) -> Any:
+        shots = _with_plates(shots, plates)
         return tuple(Some(sway=_sway(0.0, (shot.plate[0] + STD[0], 0.0)), plate=shot.plate) for shot in shots)
 
     monkeypatch.setattr(relinearised_frame, "on_site", on_site)
     monkeypatch.setattr(relinearised_frame, "replace", refitted)
-    monkeypatch.setattr(relinearised_frame, "with_plates", _with_plates)
     found = with_frame_relinearised(_fit((Some(sway=_sway(0.0, (STD[0], 0.0)), plate=(0.0, 0.0)),)), calm)
     assert len(fitted) == turns and found is fitted[taken - 1]
 
@@ -122,7 +126,7 @@ def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch:
 
 
 def test_a_fit_at_rest_stays_as_it_is() -> None:
-    before = _fit((Some(sway=None),), site=None)
+    before = _fit((Some(sway=None),), site=STILL_FRAME)
     assert with_frame_relinearised(before, calm) is before
 
 
@@ -138,7 +142,7 @@ def test_plates_are_read_anew_and_the_farthest_move_is_told_in_standard_deviatio
     data = Some(shots=shots)
     fitted: Any = Some(problem=Some(data=data), noise=0.5, residual_m=[4.0, 2.0, 0.0])
     plates, moved = relinearised_frame._plates(fitted)
-    assert plates == [(1.0, 5.0), (7.0, 2.0), (0.0, 0.0)] and moved == 2.2
+    assert plates == ((1.0, 5.0), (7.0, 2.0), (0.0, 0.0)) and moved == 2.2
     still = [shot((1.0, 3.0), (1.1, 3.0))]
     near: Any = Some(problem=Some(data=Some(shots=still)), noise=0.5, residual_m=[0.0])
     assert relinearised_frame._plates(near)[1] == pytest.approx(0.05)

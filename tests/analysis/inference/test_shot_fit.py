@@ -13,10 +13,11 @@ from analysis.collision.parameters import PAPER
 from analysis.inference.fit import joint_data, shot_fit
 from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.joint_data import JointData, frame_motions_of, resolves_frame_motion, with_plates
+from analysis.inference.fit.joint_data import JointData, frame_motions_of, resolves_frame_motion
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import _half_way, _settled, fit_shots
+from analysis.inference.noise.sway import with_plates
 from analysis.shot.shot import AnalysisError
 from tests.analysis.collision.simulated import shot
 
@@ -34,10 +35,10 @@ def test_half_way_is_the_mean_of_base_and_plates_with_the_effects_of_the_second(
     assert _half_way((one, ()), (two, ((3.0, 8.0),)))[1] == ((3.0, 8.0),)
 
 
-def turns(moves: list[float], monkeypatch: pytest.MonkeyPatch, site: object = "site") -> tuple[Any, list[Any]]:
+def turns(steps: list[float], monkeypatch: pytest.MonkeyPatch, *, moves: bool = True) -> tuple[Any, list[Any]]:
     """Return what settles where every search moves its one parameter so far, and the points it was begun at."""
     begun: list[Any] = []
-    left = iter(moves)
+    left = iter(steps)
 
     def minimum(problem: Any, z: np.ndarray, stop: Any) -> Any:
         begun.append((float(z[0]), problem.made_at))
@@ -46,7 +47,7 @@ def turns(moves: list[float], monkeypatch: pytest.MonkeyPatch, site: object = "s
 
     def of(made_at: Any) -> Any:
         return SimpleNamespace(
-            made_at=made_at, data=SimpleNamespace(site=site), with_softened_contact=lambda p: p,
+            made_at=made_at, data=SimpleNamespace(site=SimpleNamespace(moves=moves)), with_softened_contact=lambda p: p,
             pack=lambda p: p.base.copy(),
             unpack=lambda z: point([float(z[0])], [[0.0, 0.0, 0.0]]),
         )  # fmt: skip
@@ -65,7 +66,7 @@ def test_a_frames_contribution_is_computed_anew_until_the_motion_stays(monkeypat
     (problem, found, undecided), begun = turns([4.0, -2.0, small], monkeypatch)
     assert begun == [(0.0, "begin"), (4.0, (4.0, ((4.0, 0.0),))), (3.0, (3.0, ((3.0, 0.0),)))]
     assert problem.made_at == begun[-1][1] and found.parameters[0] == 3.0 + small and undecided.tolist() == [0.0]
-    (_, found, _), begun = turns([7.0], monkeypatch, site=None)
+    (_, found, _), begun = turns([7.0], monkeypatch, moves=False)
     assert found.parameters[0] == 7.0 and len(begun) == 1
     moves = [4.0, -2.0] * shot_fit._TURNS
     (_, _, undecided), begun = turns(moves, monkeypatch)
@@ -100,7 +101,7 @@ def test_the_data_of_several_shots() -> None:
                 _ = few.white_noise
     still = [replace(one, displacement_m=np.zeros(one.valid.size)) for one in data.shots]
     assert 0.0 < replace(data, shots=tuple(still)).white_noise.white_m <= 1e-15
-    plates = with_plates(data.shots, [(1.0, 2.0), (3.0, 4.0)])
+    plates = with_plates(data.shots, ((1.0, 2.0), (3.0, 4.0)))
     assert [one.plate for one in plates] == [(1.0, 2.0), (3.0, 4.0)] and with_plates(data.shots, ()) == data.shots
     for rate_hz, fast in ((9.9e3, False), (10.1e3, True)):
         assert resolves_frame_motion(replace(motions[0], sample_rate_hz=rate_hz)) is fast

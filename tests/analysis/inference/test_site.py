@@ -19,15 +19,14 @@ from analysis.inference.fit.joint_data import (
     joint_data,
     resolves_frame_motion,
     site_under,
-    with_plates,
 )
 from analysis.inference.fit.problem import Problem
 from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.inference.noise import frame_strengths
 from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.site import Site, site_of
-from analysis.inference.noise.sway import Sway, frame_response_of
+from analysis.inference.noise.site import STILL_FRAME, site_of
+from analysis.inference.noise.sway import Sway, frame_response_of, with_plates
 from analysis.pipeline import analyse
 from analysis.reading.read import read_frame_motion
 from analysis.shot import plate_count
@@ -123,7 +122,7 @@ def test_what_falls_no_faster_than_a_path_wanders_is_none_of_the_frames() -> Non
     site = site_of(
         (VibrationSpectrum(frequency, of_frame + of_path, np.ones(frequency.size, np.bool_)),), 0.06, CRITERIA.site_nm
     )
-    assert isinstance(site, Site)
+    assert site.moves
     both = 2.0 * 1e-19 / 1e-15  # of path over frame: where all is three times the path
     fastest = 10.0 * both ** (-1 / 3)
     assert site.vibration.frequency_hz[-1] == pytest.approx(fastest, rel=0.05)
@@ -132,7 +131,7 @@ def test_what_falls_no_faster_than_a_path_wanders_is_none_of_the_frames() -> Non
 def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
     one, other = flat(1e-16, ((100.0, 4e-18),)), flat(3e-16, ((101.0, 2e-18), (296.0, 1e-18)))
     site = site_of((one, other), 0.06, CRITERIA.site_nm)
-    assert isinstance(site, Site)
+    assert site.moves
     lines = site.vibration.frequency_hz[~site.vibration.random]
     assert list(lines) == [100.0, 101.0, 296.0]
     assert list(site.band[~site.vibration.random] - site.random_bands) == [0, 0, 1]
@@ -145,8 +144,13 @@ def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
     thirds = np.floor(3.0 * np.log2(sines[1:] / sines[1]))
     np.testing.assert_array_equal(np.diff(site.band[: sines.size])[1:] > 0, np.diff(thirds) > 0)
     assert site.band[:2].tolist() == [0, 0] and site.random_bands == np.unique(thirds).size
-    assert site_of((one, None), 0.06, CRITERIA.site_nm).vibration.power_m2[-1] == pytest.approx(2e-18)  # type: ignore[union-attr]
-    assert Site(VibrationSpectrum(*[np.zeros(0)] * 2, np.zeros(0, bool)), np.zeros(0, int), 0).bands == 0
+    assert site_of((one, None), 0.06, CRITERIA.site_nm).vibration.power_m2[-1] == pytest.approx(2e-18)
+    assert site.moves and site.resembles(effect_named("frame_vibration")) and not site.resembles(effect_named("tilt"))
+
+
+def test_a_still_frame_has_no_bands_and_resembles_no_effect() -> None:
+    assert not STILL_FRAME.moves and STILL_FRAME.bands == STILL_FRAME.random_bands == 0
+    assert not any(STILL_FRAME.resembles(effect_named(name)) for name in ("frame_vibration", "plate_motion", "tilt"))
 
 
 @pytest.mark.parametrize(("whole", "sines"), [(False, 50), (True, 100)])
@@ -160,9 +164,9 @@ def test_all_motion_is_the_frames_where_that_is_supposed(whole: bool, sines: int
 
 
 def test_a_quiet_table_is_no_site() -> None:
-    assert site_of((None, None), 0.06, CRITERIA.site_nm) is None
-    assert site_of((flat(1e-18), flat(2e-18)), 0.06, CRITERIA.site_nm) is None  # 12 nm: a path that wanders by itself
-    assert site_of((flat(1e-22, ((100.0, 1e-15),)),), 0.06, CRITERIA.site_nm) is None  # the diagnosis tells
+    assert site_of((None, None), 0.06, CRITERIA.site_nm) is STILL_FRAME
+    assert site_of((flat(1e-18), flat(2e-18)), 0.06, CRITERIA.site_nm) is STILL_FRAME  # 12 nm: a path wanders so
+    assert site_of((flat(1e-22, ((100.0, 1e-15),)),), 0.06, CRITERIA.site_nm) is STILL_FRAME  # the diagnosis tells
 
 
 @cache
@@ -212,8 +216,8 @@ def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:
     own = np.array([[s.course.velocity_in_m_per_s, s.course.touch_time_s, 0.0] for s in data.shots])
     base = np.array([220.0, 1.7e-4, 1.2e4, 0.4])
     swing = {"displacement_m": 3e-7, "velocity_m_per_s": -4e-4}
-    still = replace(data, shots=with_plates(data.shots, [(0.0, 0.0)] * 3))
-    moving = replace(data, shots=with_plates(data.shots, [tuple(swing.values())] * 3))
+    still = replace(data, shots=with_plates(data.shots, ((0.0, 0.0),) * 3))
+    moving = replace(data, shots=with_plates(data.shots, (tuple(swing.values()),) * 3))
     as_known, as_effect = Point(base, own, ({},) * 3), Point(base, own, ({effect_named("plate_motion"): swing},) * 3)
     noise = data.white_noise
     known, effect = Problem(moving, (), noise), Problem(still, (KINDS["plate_motion"],), noise)
@@ -236,8 +240,8 @@ def test_nobody_says_what_a_frame_does_where_nothing_collides() -> None:
     names = {"plate_stiffness_n_per_m": 3.8e6, "plate_mass_kg": 1.4e-6, "contact_stiffness_n_per_m": 280.0}
     drawn_off = replace(fit, parameters={**fit.parameters, **{name: Quantity(v, 0.0) for name, v in names.items()}})
     site = site_under(motions, frame_motions_of(motions, "paper", None), CRITERIA.site_nm)
-    assert site is not None
-    assert joint_data(averaged_shots(motions), start_from_fit(drawn_off, motions), site).site is None
+    assert site.moves
+    assert joint_data(averaged_shots(motions), start_from_fit(drawn_off, motions), site).site is STILL_FRAME
 
 
 @pytest.mark.slow  # quicker: friction alone is named there, below
@@ -263,7 +267,7 @@ def test_friction_is_named_in_an_ordinary_building() -> None:
 def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_noise() -> None:
     motions = Rig("VC-A").shots(40, (0.265,))
     site = site_under(motions, frame_motions_of(motions, "paper", None), CRITERIA.site_nm)
-    assert site is not None
+    assert site.moves
     (shot,) = averaged_shots(motions)
     base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = frame_response_of(shot, site, base, shared, np.array(shot.course.own))
@@ -278,7 +282,7 @@ def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_nois
 def test_a_frame_that_nothing_feels_takes_nothing(share: float, capfd: pytest.CaptureFixture[str]) -> None:
     motions = Rig("VC-A").shots(40, (0.265,))
     site = site_under(motions, frame_motions_of(motions, "paper", None), CRITERIA.site_nm)
-    assert site is not None
+    assert site.moves
     still = replace(site, vibration=replace(site.vibration, power_m2=site.vibration.power_m2 * share**2))
     (shot,) = averaged_shots(motions)
     base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])

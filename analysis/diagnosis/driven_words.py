@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from analysis.diagnosis.result import Diagnosis, DriveEvidence, FoundEffect, Verdict
-from analysis.diagnosis.words import parameter_words, quantity
+from analysis.diagnosis.words import numbers
 from analysis.drive import LAWS, MassCheck, Repeatability
 from analysis.shot import Fit, Quantity
 
@@ -54,11 +54,10 @@ def _mass(mass: MassCheck) -> str:
 
 def effect(found: FoundEffect, fit: Fit) -> str:
     """Describe one law of a drive's ``fit`` in words and numbers."""
-    numbers = ", ".join(f"{parameter_words(name)} {quantity(name, value)}" for name, value in found.parameters.items())
     others = found.indistinguishable_from
     alike = f" (indistinguishable from: {', '.join(other.short_words for other in others)})" if others else ""
-    law = LAWS[found.name]
-    return f"{law.short_words}, {law.formula}: {numbers}{_meaning(law.name, found.parameters, fit.parameters)}{alike}"
+    law, meaning = LAWS[found.name], _meaning(found.name, found.parameters, fit.parameters)
+    return f"{law.short_words}, {law.formula}: {numbers(found.parameters)}{meaning}{alike}"
 
 
 def _meaning(law: str, parameters: Mapping[str, Quantity], of_fit: Mapping[str, Quantity]) -> str:

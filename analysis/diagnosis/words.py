@@ -1,6 +1,6 @@
 """Sentences on a collision's diagnosis: verdict, residual, detection limits, shots that separate look-alikes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from analysis.collision import NUISANCES, Effect, UserLaw
 from analysis.diagnosis import contact_laws
@@ -55,6 +55,11 @@ def quantity(name: str, value: Quantity, unit: str | None = None) -> str:
     return f"{value.in_text()} {unit}".strip()
 
 
+def numbers(parameters: Mapping[str, Quantity]) -> str:
+    """Return an effect's parameters with their uncertainties, in words."""
+    return ", ".join(f"{parameter_words(name)} {quantity(name, value)}" for name, value in parameters.items())
+
+
 def found(one: FoundEffect) -> str:
     """Return the sentence of one found effect; phases, fitted per shot, are left to the table of parameters."""
     effect, others = one.effect, one.indistinguishable_from
@@ -62,18 +67,18 @@ def found(one: FoundEffect) -> str:
     if isinstance(effect, UserLaw):
         units = {parameter.name: parameter.unit for parameter in effect.parameters}
         sizes = ", ".join(f"{key} {quantity(key, q, units.get(key))}" for key, q in told.items())
-        numbers = f"{effect.formula.text} with {sizes}"
+        size = f"{effect.formula.text} with {sizes}"
     else:
-        numbers = ", ".join(f"{parameter_words(key)} {quantity(key, q)}" for key, q in told.items())
+        size = numbers(told)
     if len(others) > CRITERIA.undetermined:
-        best = f"{effect.short_words}: {numbers}"
+        best = f"{effect.short_words}: {size}"
         return f"a further small effect whose form these data do not determine (best fit: {best})"
     if others:
         group = frozenset(other.name for other in (effect, *others))
         klass = next((words for names, words in CLASSES.items() if group <= names), "")
         listed = " or ".join(other.short_words for other in (effect, *others))
-        return f"{klass + ': ' if klass else ''}{listed}; as {effect.short_words}: {numbers}"
-    return f"{effect.short_words}: {numbers}"
+        return f"{klass + ': ' if klass else ''}{listed}; as {effect.short_words}: {size}"
+    return f"{effect.short_words}: {size}"
 
 
 def learned(law: LearnedLaw) -> str:

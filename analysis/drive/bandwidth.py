@@ -5,6 +5,7 @@ import math
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.shot import AnalysisError, Floats, Motion
 from analysis.signal import MAX_BANDWIDTH_SHARE, derivative_filters, derivatives, stretches
@@ -23,12 +24,8 @@ def bandwidth_of(motion: Motion) -> float:
     length of the record from below.  Raises AnalysisError if the record is too short or nothing moves.
     """
     rate = motion.sample_rate_hz
-    start, stop = max(
-        stretches(np.isfinite(motion.displacement_m) & np.isfinite(motion.force_n)),
-        key=lambda ends: ends[1] - ends[0],
-        default=(0, 0),
-    )
-    place, force = motion.displacement_m[start:stop], motion.force_n[start:stop]
+    piece = _longest(np.isfinite(motion.displacement_m) & np.isfinite(motion.force_n))
+    place, force = motion.displacement_m[piece], motion.force_n[piece]
     if place.size < MIN_FILTERS / MAX_BANDWIDTH_SHARE:
         least = math.ceil(MIN_FILTERS / MAX_BANDWIDTH_SHARE)
         raise AnalysisError(f"{place.size} samples without a gap are too short to fit a slider (at least {least})")
@@ -47,16 +44,27 @@ def force_noise(motion: Motion) -> float:
     The motion's own estimate counts every change from sample to sample as noise.  If the drive itself changes that
     fast, the top of the force's spectrum gives a smaller and more accurate value.
     """
+    force = motion.force_n[_longest(np.isfinite(motion.force_n))]
+    *_, white = _spectrum(force, motion.sample_rate_hz, 1, 256)
+    return min(float(np.nanmedian(motion.force_std_n)), float(np.sqrt(white * motion.sample_rate_hz / 2.0)))
+
+
+def _longest(known: NDArray[np.bool_]) -> slice:
+    return slice(*max(stretches(known), key=lambda ends: ends[1] - ends[0], default=(0, 0)))
+
+
+def _spectrum(column: Floats, rate: float, order: int, segment: int) -> tuple[Floats, Floats, float]:
+    """Return frequencies in Hz, the power density of a column at them, and that at the top, which is white noise.
+
+    Welch's method is applied to the differences of this ``order`` in segments of so many samples.  Their spectrum is
+    flat, so that the window does not leak power of slow motion into fast motion.
+    """
     from scipy.signal import welch  # slow import (all of scipy.stats): not at every start
 
-    known = np.isfinite(motion.force_n)
-    start, stop = max(stretches(known), key=lambda ends: ends[1] - ends[0])
-    steps = np.diff(motion.force_n[start:stop])
-    frequency, density = welch(steps, motion.sample_rate_hz, nperseg=min(256, steps.size))
-    top = frequency > 0.8 * frequency[-1]
-    through = (2.0 * np.sin(np.pi * frequency[top] / motion.sample_rate_hz)) ** 2
-    white = np.sqrt(float(np.median(density[top] / through)) * motion.sample_rate_hz / 2.0)
-    return min(float(np.nanmedian(motion.force_std_n)), float(white))
+    steps = np.diff(column, order)
+    frequency, density = (one[1:] for one in welch(steps, rate, nperseg=min(segment, steps.size)))
+    density = density / (2.0 * np.sin(np.pi * frequency / rate)) ** (2 * order)
+    return frequency, density, float(np.median(density[frequency > 0.8 * frequency[-1]]))
 
 
 def _equal_noise_hz(place: Floats, force: Floats, rate: float, clear: float, noise: tuple[float, float]) -> float:
@@ -82,21 +90,14 @@ def _acceleration_gains() -> tuple[tuple[float, float], ...]:
 def _clear_hz(place: Floats, rate: float, noise_m: float) -> float:
     """Return the highest frequency at which the displacement's power is ``CLEAR`` times its white noise.
 
-    Differentiation amplifies noise and motion alike, so their ratio is that of the displacement.  The spectrum is that
-    of second differences.  It is flat, so that the window does not leak power of slow motion into fast motion.
+    Differentiation amplifies noise and motion alike, so their ratio is that of the displacement.
     """
-    from scipy.signal import welch  # slow import (all of scipy.stats): not at every start
-
-    second = np.diff(place, 2)
-    frequency, density = welch(second, rate, nperseg=min(second.size, max(64, second.size // _PIECES)))
-    frequency, density = frequency[1:], density[1:]
-    seen = density / (2.0 * np.sin(np.pi * frequency / rate)) ** 4
-    top = seen[frequency > 0.8 * frequency[-1]]
-    repeatability = min(2.0 * noise_m**2 / rate, float(np.median(top)))
+    frequency, seen, top = _spectrum(place, rate, 2, max(64, (place.size - 2) // _PIECES))
+    white = min(2.0 * noise_m**2 / rate, top)
     edges = frequency[0] * 2.0 ** (np.arange(200) / BANDS_AN_OCTAVE)
     clear = float(frequency[0])
     for low, high in itertools.pairwise(edges):
         inside = (frequency >= low) & (frequency < high)
-        if inside.any() and float(np.mean(seen[inside])) > CLEAR * repeatability:
+        if inside.any() and float(np.mean(seen[inside])) > CLEAR * white:
             clear = float(high)
     return clear

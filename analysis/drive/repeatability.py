@@ -51,19 +51,14 @@ def _cycle_pairs(table: Table) -> Iterator[Pass]:
     """Yield (samples, those one cycle later) of every stretch that repeats itself."""
     start = 0
     for stretch in table.stretches:
-        size = stretch.used.size
-        index = stretch.used // stretch.step
-        place = np.full(int(index[-1] - index[0]) + 1, np.nan)
-        at = np.zeros(place.size, dtype=np.int64)
-        place[index - index[0]] = table.displacement_m[start : start + size]
-        at[index - index[0]] = np.arange(start, start + size)
-        start += size
+        index = stretch.used // stretch.step - stretch.used[0] // stretch.step
+        place = np.full(int(index[-1]) + 1, np.nan)
+        place[index] = table.displacement_m[start : start + index.size]
         lag = _cycle_lag(place)
-        if lag is None:
-            continue
-        both = np.isfinite(place[:-lag]) & np.isfinite(place[lag:])
-        cycle_s = lag * stretch.step / stretch.sample_rate_hz
-        yield at[:-lag][both], at[lag:][both], cycle_s
+        if lag is not None:
+            _, early, late = np.intersect1d(index + lag, index, assume_unique=True, return_indices=True)
+            yield start + early, start + late, lag * stretch.step / stretch.sample_rate_hz
+        start += index.size
 
 
 def _cycle_lag(place: Floats) -> int | None:

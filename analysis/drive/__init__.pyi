@@ -7,40 +7,41 @@ from .driven_fit import (
     check_mass,
     chi2,
     filtered_noise_n,
+    fit_accepted,
     fit_driven,
     prediction_residual_n,
 )
-from .law_search import LawSearch, Split, Trial, look_alikes, search_laws
-from .regression import NonlinearValues, Regression, regress, rms
-from .repeatability import Repeatability, repeatability_of
-from .stretch import Mask, Table, prepare
+from .law_screening import CandidateLaws, project_out, screen_laws
+from .regression import Regression, equations, least_squares, regress, rms
+from .repeatability import Repeatability, folds, repeatability_of
+from .stretch import Table, prepare
 
 __all__ = [
     "GAIN_ERROR",
     "LAWS",
+    "CandidateLaws",
     "DriveCurves",
-    "LawSearch",
-    "Mask",
     "MassCheck",
-    "NonlinearValues",
     "Regression",
     "Repeatability",
-    "Split",
     "Table",
-    "Trial",
     "as_fit",
     "check_mass",
     "chi2",
     "drive_curves",
+    "equations",
     "filtered_noise_n",
+    "fit_accepted",
     "fit_driven",
+    "folds",
     "force_noise",
     "laws_named",
-    "look_alikes",
+    "least_squares",
     "prediction_residual_n",
     "prepare",
+    "project_out",
     "regress",
     "repeatability_of",
     "rms",
-    "search_laws",
+    "screen_laws",
 ]

@@ -9,10 +9,10 @@ import numpy as np
 from analysis.collision import Effect
 from analysis.drive.bandwidth import force_noise
 from analysis.drive.catalogue import laws_named
-from analysis.drive.law_search import fit_accepted
+from analysis.drive.law_screening import screen_laws
 from analysis.drive.regression import Regression, regress, rms
 from analysis.drive.repeatability import Repeatability, repeatability_of
-from analysis.drive.stretch import Stretch, Table, low_pass, prepare
+from analysis.drive.stretch import Mask, Stretch, Table, low_pass, prepare
 from analysis.shot import AnalysisError, Fit, Floats, Motion, Quantity, Stop
 from analysis.signal import derivative_filters
 from levimass import DRIVE
@@ -79,6 +79,21 @@ def fit_driven(motions: Sequence[Motion], effects: Sequence[Effect | str] = (), 
     found = regress(table, free.laws, None, free.nonlinear, mass_check.fixed)
     repeatability = repeatability_of(table, found, filtered_noise_n(motions, table.stretches, found))
     return as_fit(motions, found, mass_check, repeatability, time.perf_counter() - began)
+
+
+def fit_accepted(table: Table, laws: Sequence[str], mask: Mask | None = None) -> Regression:
+    """Return the fit of base and ``laws``, which are added in order of their screening.  Raises AnalysisError."""
+    laws_named(laws)  # raises for an unknown law
+    found = regress(table, (), mask)
+    while missing := [law for law in laws if law not in found.laws]:
+        screened = screen_laws(table, found, pairs=len(missing) > 1, laws=missing)
+        candidates = [*screened.pairs, *screened.singles]
+        if not candidates:
+            named = missing[0].replace("_", " ")
+            raise AnalysisError(f"{named}: cannot be distinguished from the rest of the model in this motion")
+        candidate = max(candidates, key=lambda g: g.gain_n2)
+        found = regress(table, (*found.laws, *candidate.laws), mask, {**found.nonlinear, **candidate.nonlinear})
+    return found
 
 
 def as_fit(

@@ -6,14 +6,15 @@ model and projected onto the residual.
 """
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from analysis.drive.catalogue import LAWS, Law
-from analysis.drive.regression import DEPENDENT, ZERO_LENGTH, NonlinearValues, Regression, delay_of
+from analysis.drive.regression import DEPENDENT, Regression, Values, delay_of
 from analysis.drive.stretch import Mask, Stretch, Table, low_pass
+from analysis.inference import orthonormal
 from analysis.shot import Floats
 
 MAX_WAVES = 400.0  # waves along the travel of the finest ripple that is searched
@@ -27,8 +28,12 @@ class CandidateLaws:
     """Laws to add, starting values of their nonlinear parameters, and the sum of squares that they would remove."""
 
     laws: tuple[str, ...]
-    nonlinear: NonlinearValues
+    nonlinear: Values
     gain_n2: float
+
+    def joined(self, other: "CandidateLaws", gain_n2: float) -> "CandidateLaws":
+        """Return both, which together would remove ``gain_n2``."""
+        return CandidateLaws((*self.laws, *other.laws), {**self.nonlinear, **other.nonlinear}, gain_n2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,74 +45,63 @@ class ScreenedLaws:
     unidentifiable: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Group:
-    law: str
-    nonlinear: tuple[float, ...]
-    columns: Floats  # orthonormal, and orthogonal to the model
-
-
 def screen_laws(
     table: Table, found: Regression, *, pairs: bool = True, laws: Sequence[str] = tuple(LAWS)
 ) -> ScreenedLaws:
     """Screen those of ``laws`` that are not in the fit ``found``, over the samples of that fit."""
     mask = found.mask
     basis = orthonormal(found.tangents[mask])
-    rest = project_out(basis, found.residual_n[mask][:, None])[:, 0]
+    rest = project_out(basis, found.residual_n[mask])
     missing = [LAWS[name] for name in laws if name not in found.laws]
-    groups: list[_Group] = []
+    singles: list[CandidateLaws] = []
+    columns: list[Floats] = []  # of each of the singles: orthonormal, and orthogonal to the model
     unidentifiable = []
     for law in (law for law in missing if law.force is not None):
-        some = _groups(table, law, mask, basis, rest)
-        groups += [group for group in some if group is not None]
-        if some and not any(some):
+        ripple = law.name == "position_ripple"
+        places = _ripple_pitches(table, mask, basis, rest) if ripple else grid_points(law, table.stretches)
+        seen = [(at, new) for at in places if (new := _new_columns(table, law, at, mask, basis)) is not None]
+        singles += [CandidateLaws((law.name,), _named(law, at), _square(new.T @ rest)) for at, new in seen]
+        columns += [new for _, new in seen]
+        if places and not seen:
             unidentifiable.append(law.name)
-    later = _delayed(table, found, basis) if "drive_delay" in laws and "drive_delay" not in found.laws else {}
-    singles = [CandidateLaws((g.law,), _nonlinear(g), _square(g.columns.T @ rest)) for g in groups]
+    delay = LAWS["drive_delay"]
+    later = _delayed(table, found, basis) if delay in missing else {}
     size = _square(rest)
-    singles += [CandidateLaws(("drive_delay",), {"drive_delay": (t,)}, size - _square(r)) for t, r in later.items()]
-    both = list(_pairs(groups, rest, later)) if pairs else []
-    return ScreenedLaws(_best(singles), _best(both), tuple(unidentifiable))
-
-
-def _groups(table: Table, law: Law, mask: Mask, basis: Floats, rest: Floats) -> list[_Group | None]:
-    """Return a law's columns at every point of its grid; None where they depend linearly on the model."""
-    ripple = law.name == "position_ripple"
-    places = _ripple_pitches(table, mask, basis, rest) if ripple else grid_points(law, table.stretches)
-    return [_group(table, law, at, mask, basis) for at in places]
+    delays = [CandidateLaws((delay.name,), _named(delay, (at,)), size - _square(r)) for at, r in later.items()]
+    both = list(_pairs(singles, columns, rest)) if pairs else []
+    if pairs:
+        both += [
+            single.joined(delayed, delayed.gain_n2 + _square(new.T @ left))
+            for delayed, left in zip(delays, later.values(), strict=True)
+            for single, new in zip(singles, columns, strict=True)
+        ]
+    return ScreenedLaws(_best([*singles, *delays]), _best(both), tuple(unidentifiable))
 
 
 def grid_points(law: Law, stretches: Sequence[Stretch]) -> list[tuple[float, ...]]:
     """Return the points of a law's grid, in the parameters' units."""
-    axes = [
-        [share * parameter.scale_in(stretches) for share in parameter.grid] for parameter in law.nonlinear_parameters
-    ]
+    axes = [[share * p.scale_in(stretches) for share in p.grid] for p in law.nonlinear_parameters]
     return list(itertools.product(*axes))
 
 
 def project_out(basis: Floats, columns: Floats) -> Floats:
-    """Return columns (m, k) minus their projection onto an orthonormal basis (m, j)."""
+    """Return columns, shape (m,) or (m, k), minus their projection onto an orthonormal basis (m, j)."""
     return np.asarray(columns - basis @ (basis.T @ columns))
 
 
-def orthonormal(columns: Floats) -> Floats:
-    """Return an orthonormal basis of columns (m, k)."""
-    scale = np.maximum(np.linalg.norm(columns, axis=0), ZERO_LENGTH)
-    return np.asarray(np.linalg.qr(columns / scale)[0])
-
-
-def _group(table: Table, law: Law, nonlinear: tuple[float, ...], mask: Mask, basis: Floats) -> _Group | None:
-    columns = table.columns(law, nonlinear)[mask]
+def _new_columns(table: Table, law: Law, at: tuple[float, ...], mask: Mask, basis: Floats) -> Floats | None:
+    """Return an orthonormal basis of a law's columns after projection off the model; None if they depend on it."""
+    columns = table.columns(law, at)[mask]
     size = np.linalg.norm(columns, axis=0)
     if not (size > 0.0).all():
         return None
     alone = project_out(basis, columns / size)
     left, strength, _ = np.linalg.svd(alone, full_matrices=False)
-    seen = strength > DEPENDENT**0.5
+    seen = strength > DEPENDENT
     if law.of_force:
         force = orthonormal(project_out(basis, table.force()[mask][:, None]))
         seen &= np.linalg.norm(project_out(force, alone)) > APART_FROM_FORCE
-    return _Group(law.name, nonlinear, left[:, seen]) if seen.all() else None
+    return np.asarray(left) if seen.all() else None
 
 
 def _delayed(table: Table, found: Regression, basis: Floats) -> dict[float, Floats]:
@@ -118,7 +112,7 @@ def _delayed(table: Table, found: Regression, basis: Floats) -> dict[float, Floa
     out = {}
     for (at,) in grid_points(law, table.stretches):
         if at != 0.0:
-            out[at] = project_out(basis, (rest + table.force(at)[found.mask] - now)[:, None])[:, 0]
+            out[at] = project_out(basis, rest + table.force(at)[found.mask] - now)
     return out
 
 
@@ -149,14 +143,15 @@ def _ripple_pitches(table: Table, mask: Mask, basis: Floats, rest: Floats) -> li
     return [(travel / wave,) for wave in chosen]
 
 
-def _pairs(groups: Sequence[_Group], rest: Floats, later: Mapping[float, Floats]) -> Iterator[CandidateLaws]:
-    if not groups:
+def _pairs(singles: Sequence[CandidateLaws], columns: Sequence[Floats], rest: Floats) -> Iterator[CandidateLaws]:
+    """Yield the pairs of two laws at every point of their grids, unless they are nearly one."""
+    if not singles:
         return
-    every = np.concatenate([group.columns for group in groups], axis=1)
-    ends = np.cumsum([0, *(group.columns.shape[1] for group in groups)])
+    every = np.concatenate(columns, axis=1)
+    ends = np.cumsum([0, *(new.shape[1] for new in columns)])
     gram, pull = every.T @ every, every.T @ rest
-    for i, j in itertools.combinations(range(len(groups)), 2):
-        if groups[i].law == groups[j].law:
+    for i, j in itertools.combinations(range(len(singles)), 2):
+        if singles[i].laws == singles[j].laws:
             continue
         a, b = slice(ends[i], ends[i + 1]), slice(ends[j], ends[j + 1])
         cross = gram[a, b]
@@ -164,19 +159,11 @@ def _pairs(groups: Sequence[_Group], rest: Floats, later: Mapping[float, Floats]
         if np.linalg.eigvalsh(inner)[0] < 1e-4:
             continue
         new = pull[b] - cross.T @ pull[a]
-        gain = _square(pull[a]) + float(new @ np.linalg.solve(inner, new))
-        yield CandidateLaws((groups[i].law, groups[j].law), {**_nonlinear(groups[i]), **_nonlinear(groups[j])}, gain)
-    size = _square(rest)
-    for time_s, moved in later.items():
-        pulls = every.T @ moved
-        left = size - _square(moved)
-        for k, group in enumerate(groups):
-            gain = left + _square(pulls[ends[k] : ends[k + 1]])
-            yield CandidateLaws((group.law, "drive_delay"), {**_nonlinear(group), "drive_delay": (time_s,)}, gain)
+        yield singles[i].joined(singles[j], singles[i].gain_n2 + float(new @ np.linalg.solve(inner, new)))
 
 
-def _nonlinear(group: _Group) -> dict[str, tuple[float, ...]]:
-    return {group.law: group.nonlinear} if group.nonlinear else {}
+def _named(law: Law, values: Sequence[float]) -> dict[str, float]:
+    return dict(zip(law.nonlinear_names, values, strict=True))
 
 
 def _square(vector: Floats) -> float:

@@ -1,19 +1,25 @@
 """Least squares on the force of a driven slider: linear parameters are solved for, nonlinear ones are searched."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.drive.catalogue import BASE, LAWS, ParameterScale
+from analysis.drive.catalogue import BASE, LAWS, NonlinearParameter, ParameterScale, laws_named
 from analysis.drive.stretch import Mask, Table
+from analysis.inference import Arrow, NormalMatrix
 from analysis.shot import AnalysisError, Floats, Quantity
 
-NonlinearValues = Mapping[str, tuple[float, ...]]  # by the name of each law that has nonlinear parameters
-ZERO_LENGTH = 1e-150  # least norm of a column, whose square is not yet 0; a law that never acts has less
-DEPENDENT = 1e-7  # least squared share of a column orthogonal to the others; with less it depends on them
+Values = Mapping[str, float]  # of parameters, by their full names: "stribeck_friction.speed_m_per_s"
+Equations = Callable[
+    [Values], tuple[Floats, Floats]
+]  # nonlinear values -> columns (m, k) of free parameters, force (m,)
+DEPENDENT = 1e-7**0.5  # least share of a column orthogonal to the others; with less it depends on them
 _STEP = 1e-3  # relative step for derivatives with respect to nonlinear parameters
+_RIDGE = (
+    1e-12  # relative damping of the normal equations: a tenth of the cost of ``least_squares``, and accurate enough
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +35,7 @@ class Regression:
     values: Floats
     covariance: Floats
     laws: tuple[str, ...]
-    nonlinear: NonlinearValues
+    nonlinear: Values
     residual_n: Floats
     tangents: Floats
     mask: Mask
@@ -59,15 +65,16 @@ def rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else 0.0
 
 
-def delay_of(nonlinear: NonlinearValues) -> float:
+def delay_of(nonlinear: Values) -> float:
     """Return the delay in s of the motion relative to the force."""
-    return nonlinear["drive_delay"][0] if "drive_delay" in nonlinear else 0.0
+    return nonlinear.get("drive_delay.time_s", 0.0)
 
 
-def design(table: Table, laws: Sequence[str], nonlinear: NonlinearValues) -> Floats:
-    """Return the regressors of base and laws, shape (m, 3 + linear parameters)."""
-    moving = [LAWS[name] for name in laws if LAWS[name].force is not None]
-    return np.concatenate([table.base(), *(table.columns(law, nonlinear.get(law.name, ())) for law in moving)], axis=1)
+def equations(table: Table, laws: Sequence[str], nonlinear: Values) -> tuple[Floats, Floats]:
+    """Return the regressors of base and laws, shape (m, 3 + linear parameters), and the force, shape (m,)."""
+    moving = [law for law in laws_named(laws) if law.force is not None]
+    columns = [table.base(), *(table.columns(law, law.values_in(nonlinear)) for law in moving)]
+    return np.concatenate(columns, axis=1), table.force(delay_of(nonlinear))
 
 
 def linearly_dependent(columns: Floats) -> bool:
@@ -75,44 +82,52 @@ def linearly_dependent(columns: Floats) -> bool:
     scale = np.linalg.norm(columns, axis=0)
     if not np.all(np.isfinite(scale)) or bool((scale == 0.0).any()):
         return True
-    return bool(np.linalg.svd(columns / scale, compute_uv=False)[-1] < DEPENDENT**0.5)
+    return bool(np.linalg.svd(columns / scale, compute_uv=False)[-1] < DEPENDENT)
 
 
 def regress(
     table: Table,
     laws: Sequence[str] = (),
     mask: Mask | None = None,
-    start: NonlinearValues | None = None,
-    fixed: Mapping[str, float] | None = None,
+    start: Values | None = None,
+    fixed: Values | None = None,
 ) -> Regression:
     """Return the least-squares solution of base and laws over the samples of ``mask`` (all by default).
 
-    ``start`` gives starting values of nonlinear parameters by law; ``fixed`` gives known parameters by their names in
-    the result.  Raises AnalysisError if the columns are linearly dependent in this motion, and Cancelled.
+    ``start`` gives starting values of the nonlinear parameters, ``fixed`` known parameters; both may name others, which
+    are ignored.  Raises AnalysisError if the columns are linearly dependent in this motion, and Cancelled.
     """
     table.raise_if_cancelled()
     mask = np.ones(table.time_s.size, dtype=np.bool_) if mask is None else mask
-    fixed = fixed or {}
-    begin = {name: _start_values(name, start or {}, fixed) for name in laws if LAWS[name].nonlinear_parameters}
-    nonlinear = _search_nonlinear(table, laws, mask, begin, fixed)
-    linear, columns, target = _linear_part(table, laws, nonlinear, fixed)
-    if linear and linearly_dependent(columns[mask]):
+    fixed, rows = fixed or {}, laws_named(laws)
+    searched = {name: p for law in rows for name, p in zip(law.nonlinear_names, law.nonlinear_parameters, strict=True)}
+    solved = (*BASE, *(name for law in rows for name in law.linear_names))
+    names = (*solved, *searched)
+    known = np.array([fixed.get(name, 0.0) for name in solved])
+    is_free = np.array([name not in fixed for name in names])
+
+    def free_equations(nonlinear: Values) -> tuple[Floats, Floats]:
+        columns, force = equations(table, laws, nonlinear)
+        return columns[:, is_free[: known.size]], force - columns @ known
+
+    free = {name: parameter for name, parameter in searched.items() if name not in fixed}
+    given = {**(start or {}), **fixed}
+    nonlinear = _search(table, free_equations, mask, {name: given[name] for name in searched}, free)
+    columns, target = free_equations(nonlinear)
+    if columns.size and linearly_dependent(columns[mask]):
         raise AnalysisError(_why_dependent(laws))
-    values = least_squares(columns[mask], target[mask])
-    residual = target - columns @ values
-    free = _free_nonlinear(nonlinear, fixed)
-    slopes = [_derivative(table, laws, nonlinear, fixed, values, at) for at in free]
+    coefficients = least_squares(columns[mask], target[mask])
+    residual = target - columns @ coefficients
+    slopes = [_slope(table, free_equations, nonlinear, coefficients, *one) for one in free.items()]
     tangents = np.column_stack([columns, *slopes])
-    names = (*linear, *(_parameter_name(*at) for at in free))
-    known = tuple(name for name in _parameter_names(laws) if name in fixed)
-    covariance = np.zeros((len(names) + len(known),) * 2)
-    covariance[: len(names), : len(names)] = _covariance(tangents[mask], residual[mask])
-    every = np.array([*values, *(nonlinear[name][k] for name, k in free), *(fixed[name] for name in known)])
-    order = [(*names, *known).index(name) for name in _parameter_names(laws)]
+    values = np.array([fixed.get(name, 0.0) for name in names])
+    values[is_free] = [*coefficients, *(nonlinear[name] for name in free)]
+    covariance = np.zeros((len(names),) * 2)
+    covariance[np.ix_(is_free, is_free)] = _covariance(tangents[mask], residual[mask])
     return Regression(
-        names=_parameter_names(laws),
-        values=every[order],
-        covariance=covariance[np.ix_(order, order)],
+        names=names,
+        values=values,
+        covariance=covariance,
         laws=tuple(laws),
         nonlinear=nonlinear,
         residual_n=residual,
@@ -122,135 +137,69 @@ def regress(
     )
 
 
-def _free_nonlinear(nonlinear: NonlinearValues, fixed: Mapping[str, float]) -> list[tuple[str, int]]:
-    """Return (law, index) of the nonlinear parameters that are not fixed."""
-    return [
-        (name, k) for name in nonlinear for k in range(len(nonlinear[name])) if _parameter_name(name, k) not in fixed
-    ]
-
-
-def _start_values(law: str, start: NonlinearValues, fixed: Mapping[str, float]) -> tuple[float, ...]:
-    given = start.get(law, (np.nan,) * len(LAWS[law].nonlinear_parameters))
-    return tuple(fixed.get(_parameter_name(law, k), value) for k, value in enumerate(given))
-
-
-def _parameter_names(laws: Sequence[str]) -> tuple[str, ...]:
-    linear = [f"{name}.{parameter}" for name in laws for parameter in LAWS[name].linear]
-    nonlinear = [f"{name}.{parameter.name}" for name in laws for parameter in LAWS[name].nonlinear_parameters]
-    return (*BASE, *linear, *nonlinear)
-
-
-def _parameter_name(law: str, k: int) -> str:
-    return f"{law}.{LAWS[law].nonlinear_parameters[k].name}"
-
-
-def _linear_part(
-    table: Table, laws: Sequence[str], nonlinear: NonlinearValues, fixed: Mapping[str, float]
-) -> tuple[tuple[str, ...], Floats, Floats]:
-    """Return the names of the free linear parameters, their columns, and the force minus the known parts."""
-    names = _parameter_names(laws)[: 3 + sum(len(LAWS[name].linear) for name in laws)]
-    columns = design(table, laws, nonlinear)
-    target = table.force(delay_of(nonlinear))
-    for place, name in enumerate(names):
-        if name in fixed:
-            target = target - fixed[name] * columns[:, place]
-    free = [place for place, name in enumerate(names) if name not in fixed]
-    return tuple(names[place] for place in free), columns[:, free], target
-
-
 def least_squares(columns: Floats, target: Floats) -> Floats:
     """Return the least-squares coefficients of columns (m, k) for the target (m,); 0 for a column of zeros."""
-    scale = np.maximum(np.linalg.norm(columns, axis=0), ZERO_LENGTH)
-    return np.asarray(np.linalg.lstsq(columns / scale, target)[0] / scale)
+    return Arrow.of([columns], columns.shape[1]).solve(target)
 
 
-def _normal_equations(columns: Floats, target: Floats) -> Floats:
-    """Return ``least_squares`` by normal equations: less accurate, at a tenth of the cost."""
-    scale = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), ZERO_LENGTH)
-    gram = (columns.T @ columns) / np.outer(scale, scale) + 1e-12 * np.eye(scale.size)
-    return np.asarray(np.linalg.solve(gram, columns.T @ target / scale) / scale)
-
-
-def _search_nonlinear(
-    table: Table, laws: Sequence[str], mask: Mask, begin: NonlinearValues, fixed: Mapping[str, float]
-) -> dict[str, tuple[float, ...]]:
+def _search(
+    table: Table, of: Equations, mask: Mask, begin: Values, free: Mapping[str, NonlinearParameter]
+) -> dict[str, float]:
     """Return the nonlinear parameters that minimise the residual after the linear parameters are solved for."""
-    free = _free_nonlinear(begin, fixed)
-    held = {name: list(values) for name, values in begin.items()}
     if not free:
         return dict(begin)
-    parameters = [LAWS[name].nonlinear_parameters[k] for name, k in free]
-    scales = [parameter.scale_in(table.stretches) for parameter in parameters]
+    scales = {name: parameter.scale_in(table.stretches) for name, parameter in free.items()}
 
-    def at(z: Floats) -> dict[str, tuple[float, ...]]:
-        values = {name: list(row) for name, row in held.items()}
-        for (name, k), parameter, scale, coordinate in zip(free, parameters, scales, z, strict=True):
-            share = float(np.exp(coordinate)) if parameter.logarithmic else float(coordinate)
-            values[name][k] = scale * share
-        return {name: tuple(row) for name, row in values.items()}
+    def at(z: Floats) -> dict[str, float]:
+        moved = zip(free.items(), z.tolist(), strict=True)
+        return {**begin, **{name: scales[name] * parameter.to_value(one) for (name, parameter), one in moved}}
 
     def left(z: Floats) -> Floats:
         table.raise_if_cancelled()
-        _, columns, target = _linear_part(table, laws, at(z), fixed)
-        columns, target = columns[mask], target[mask]
-        return np.asarray(target - columns @ _normal_equations(columns, target))
+        columns, target = (one[mask] for one in of(at(z)))
+        solution = NormalMatrix.of(columns.T @ columns).solve(columns.T @ target, damping=_RIDGE)
+        if solution is None:
+            raise AnalysisError("the force of a law is not finite in this motion")
+        return np.asarray(target - columns @ solution)
 
-    first, low, high = [], [], []
-    for (name, k), parameter, scale in zip(free, parameters, scales, strict=True):
-        share = held[name][k] / scale
-        ends = (parameter.low, parameter.high)
-        if parameter.scale is ParameterScale.PITCH:  # half a wave more or fewer along the travel
-            ends = (share / (1.0 + 0.5 * share), share / (1.0 - 0.5 * share))
-        z, *bounds = np.log([share, *ends]) if parameter.logarithmic else (share, *ends)
-        low.append(bounds[0])
-        high.append(bounds[1])
-        first.append(np.clip(z, *bounds))
+    first, bounds = [], []
+    for name, parameter in free.items():
+        share = begin[name] / scales[name]
+        ends = parameter.bounds
+        if parameter.share_of is ParameterScale.PITCH:  # half a wave more or fewer along the travel
+            ends = (parameter.to_search(share / (1.0 + 0.5 * share)), parameter.to_search(share / (1.0 - 0.5 * share)))
+        bounds.append(ends)
+        first.append(np.clip(parameter.to_search(share), *ends))
     from scipy import optimize  # 17 MB and 0.17 s, which a window does not need
 
-    width = np.subtract(high, low)
+    low, high = np.transpose(bounds)
     found = optimize.least_squares(
-        left, first, bounds=(low, high), x_scale=width, jac=_differences(left, width), ftol=1e-6, xtol=1e-5
-    )
+        left, first, bounds=(low, high), x_scale=high - low, ftol=1e-6, xtol=1e-5,
+        jac=lambda z: _differences(left, z, _STEP * (high - low)),
+    )  # fmt: skip
     return at(found.x)
 
 
-def _differences(left, width: Floats):  # type: ignore[no-untyped-def]
-    def jacobian(z: Floats) -> Floats:
-        out = []
-        here = left(z)
-        for k, scale in enumerate(width):
-            moved = np.array(z)
-            moved[k] += _STEP * scale
-            out.append((left(moved) - here) / (_STEP * scale))
-        return np.stack(out, axis=1)
-
-    return jacobian
+def _differences(left: Callable[[Floats], Floats], z: Floats, steps: Floats) -> Floats:
+    """Return the derivatives of a residual at ``z`` by one step in each coordinate, shape (samples, k)."""
+    here = left(z)
+    return np.stack([(left(z + move) - here) / move.sum() for move in np.diag(steps)], axis=1)
 
 
-def _derivative(
-    table: Table,
-    laws: Sequence[str],
-    nonlinear: NonlinearValues,
-    fixed: Mapping[str, float],
-    values: Floats,
-    at: tuple[str, int],
+def _slope(
+    table: Table, of: Equations, nonlinear: Values, coefficients: Floats, name: str, parameter: NonlinearParameter
 ) -> Floats:
-    """Return the partial derivative of the modelled force with respect to nonlinear parameter ``at`` (law, index)."""
-    name, k = at
-    parameter = LAWS[name].nonlinear_parameters[k]
-    width = parameter.scale_in(table.stretches) * (parameter.high - parameter.low)
-    size = _STEP * (nonlinear[name][k] if parameter.logarithmic else width)
-    sides = []
-    for sign in (-1.0, 1.0):
-        row = list(nonlinear[name])
-        row[k] += sign * size
-        _, columns, target = _linear_part(table, laws, {**nonlinear, name: tuple(row)}, fixed)
-        sides.append(columns @ values - target)
-    return np.asarray((sides[1] - sides[0]) / (2.0 * size))
+    """Return the partial derivative of the modelled force with respect to a nonlinear parameter, shape (m,)."""
+    width = parameter.scale_in(table.stretches) * (parameter.upper - parameter.lower)
+    size = _STEP * (nonlinear[name] if parameter.logarithmic else width)
+    sides = [of({**nonlinear, name: nonlinear[name] + by}) for by in (-size, size)]
+    low, high = (columns @ coefficients - target for columns, target in sides)
+    return np.asarray((high - low) / (2.0 * size))
 
 
 def _covariance(columns: Floats, residual: Floats) -> Floats:
-    scale = np.maximum(np.linalg.norm(columns, axis=0), ZERO_LENGTH)
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0.0] = 1.0
     scale_in = columns / scale
     inverse = np.linalg.pinv(scale_in.T @ scale_in, rcond=1e-13)
     out = inverse @ _block_covariance(scale_in * residual[:, None]) @ inverse

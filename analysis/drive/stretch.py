@@ -163,7 +163,8 @@ def _in_motion(moves: NDArray[np.bool_], half: int) -> NDArray[np.bool_]:
 class Table:
     """The compared samples of all stretches, m in total; arrays of shape (m,).
 
-    ``stop`` is called at every evaluation of a fit; if it returns True, Cancelled is raised.
+    ``earlier`` marks the first half of each record, which a diagnosis fits to predict the other.  ``stop`` is called at
+    every evaluation of a fit; if it returns True, Cancelled is raised.
     """
 
     stretches: tuple[Stretch, ...]
@@ -172,6 +173,7 @@ class Table:
     velocity_m_per_s: Floats
     acceleration_m_per_s2: Floats
     record: NDArray[np.int64]
+    earlier: Mask
     stop: Stop
     _seen: dict[tuple[str, tuple[float, ...]], Floats] = field(default_factory=dict)
 
@@ -181,9 +183,12 @@ class Table:
             return np.concatenate([getattr(stretch, name)[stretch.used] for stretch in stretches])
 
         record = np.concatenate([np.full(stretch.used.size, stretch.record) for stretch in stretches])
+        time_s, earlier = all_of("time_s"), np.zeros(record.size, dtype=np.bool_)
+        for of in (record == one for one in np.unique(record)):
+            earlier |= of & (time_s < 0.5 * (time_s[of].min() + time_s[of].max()))
         return cls(
-            tuple(stretches), all_of("time_s"), all_of("displacement_m"), all_of("velocity_m_per_s"),
-            all_of("acceleration_m_per_s2"), record, stop,
+            tuple(stretches), time_s, all_of("displacement_m"), all_of("velocity_m_per_s"),
+            all_of("acceleration_m_per_s2"), record, earlier, stop,
         )  # fmt: skip
 
     def raise_if_cancelled(self) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 _KASS = "Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773: very strong evidence"
 _SIMULATED = "simulated sets of known truth"
+_DRIVES = "simulated drives of known truth"
 _CONVENTION = "convention"
 
 
@@ -83,6 +84,16 @@ class Criteria:
     )  # fmt: skip
     drawn_far: float = _is(
         1e6, "chi^2 per sample", "of an unconverged base fit, above which the search starts from readings", _SIMULATED
+    )
+    drive_gain: float = _is(
+        0.02, "ratio", "of a drive: fall of the force error of prediction that each law must bring", _DRIVES
+    )
+    drive_same: float = _is(
+        0.35, "ratio", "of a drive: largest difference of a law's force between the halves of the records", _DRIVES
+    )
+    drive_laws: int = _is(5, "laws", "of a drive: most that may join", _CONVENTION)
+    drive_explained: float = _is(
+        1.5, "ratio", "of a drive: residual over repeatability, up to which it counts as explained", _CONVENTION
     )
 
     def fall(self, tried: int, *, wandering: bool = False) -> float:

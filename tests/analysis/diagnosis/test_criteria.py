@@ -46,6 +46,12 @@ def test_what_the_page_says_in_words_is_what_the_table_says() -> None:
         f"lower the criterion by {CRITERIA.several_fall:g}",
         f"leaves less than {CRITERIA.separation:g} noise norms",
         f"within {CRITERIA.least_lead:g} of the criterion, or within {CRITERIA.least_lead / 2:g} of the log-likelihood",
+        f"lower the criterion by {CRITERIA.least_fall:g} + {CRITERIA.cost_of_choice:g} ln(tried). It must lower by "
+        f"{100 * CRITERIA.drive_gain:g} % the force error of prediction",
+        f"A pair must lead its better half by {CRITERIA.least_lead:g}.",
+        f"each law must lower the criterion by {CRITERIA.least_lead:g} and the error of prediction by "
+        f"{100 * CRITERIA.drive_gain:g} %",
+        f"A residual up to {CRITERIA.drive_explained:g} times the repeatability",
     }
     assert {words for words in said if words not in prose} == set()
 

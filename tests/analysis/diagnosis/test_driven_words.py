@@ -188,22 +188,23 @@ def test_what_a_drive_leaves_goes_with_direction_place_and_reversals() -> None:
 def test_a_drive_is_diagnosed_step_by_step(rms_n: float, explained: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[Any] = []
     asked: list[Any] = []
-    table: Any = SimpleNamespace(stretches=[SimpleNamespace(bandwidth_hz=12.0)])
-    split = SimpleNamespace(table=table, kept="kept", held="held")
+    earlier = np.array([True, True, False])
+    table: Any = SimpleNamespace(stretches=[SimpleNamespace(bandwidth_hz=12.0)], earlier=earlier)
+    delay = {"delta_bic": -40.0, "held_out_force_rms_without_it_n": 9.0}
     found = SimpleNamespace(laws=("coulomb_friction", "drive_delay"), nonlinear="nonlinear")
     searched = SimpleNamespace(
         found=found, unidentifiable=("quadratic_drag",), trials=(),
-        merits={"drive_delay": SimpleNamespace(delta_bic=-40.0, without_it_n=9.0)},
+        evidence={"drive_delay": delay},
     )  # fmt: skip
     mass = MassCheck(None, Quantity(95.0, 0.5), True)
 
     class Fit:
         def __init__(self, laws: Any, mask: Any, nonlinear: Any, fixed: Any) -> None:
-            asked.append((laws, mask, nonlinear, fixed))
+            asked.append((laws, mask is earlier if mask is not None else None, nonlinear, fixed))
             self.laws, self.rms_n = laws, rms_n if len(laws) == 2 else 50.0
 
         def rms_of(self, held: Any) -> float:
-            assert held == "held"
+            assert held.tolist() == [False, False, True]
             return 7.0 if len(self.laws) == 2 else 70.0
 
         def parameters(self, law: str) -> Any:
@@ -216,13 +217,13 @@ def test_a_drive_is_diagnosed_step_by_step(rms_n: float, explained: bool, monkey
             return table
 
     def search_laws(of: Any, accepted: Any, tell: Any) -> Any:
-        assert (of, accepted) == (split, ("coulomb_friction",))
+        assert of is table and accepted == ("coulomb_friction",)
         tell(0.5)
         return searched
 
     repeatability = Repeatability(2.0, True, 0.5)
     for name, made in {
-        "Table": OfTable, "Split": SimpleNamespace(of=lambda of: split), "search_laws": search_laws,
+        "Table": OfTable, "search_laws": search_laws,
         "prepare": lambda motions: ("prepared", motions),
         "regress": lambda of, laws, mask, nonlinear, fixed=None: Fit(laws, mask, nonlinear, fixed),
         "check_mass": lambda motions, free: mass if motions == "motions" and len(free.laws) == 2 else None,
@@ -237,7 +238,6 @@ def test_a_drive_is_diagnosed_step_by_step(rms_n: float, explained: bool, monkey
     given: Any = "motions"
     made = driven.diagnose_driven(given, ("coulomb_friction",), lambda *what: told.append(what))
     assert made.verdict is (Verdict.EFFECT_FOUND if explained else Verdict.PARTLY_EXPLAINED)
-    delay = {"delta_bic": -40.0, "held_out_force_rms_without_it_n": 9.0}
     assert made.effects == (
         FoundEffect(LAWS["drive_delay"], {"of": "drive_delay"}, delay, (LAWS["quadratic_drag"],)),  # type: ignore[dict-item]
     )
@@ -254,7 +254,7 @@ def test_a_drive_is_diagnosed_step_by_step(rms_n: float, explained: bool, monkey
     assert drive.remainder == (None if explained else ("left", table, 2))
     one, two = ("coulomb_friction",), found.laws
     assert asked == [(two, None, "nonlinear", None)] + [
-        (laws, mask, "nonlinear", mass.fixed) for laws in (one, two) for mask in (None, "kept")
+        (laws, mask, "nonlinear", mass.fixed) for mask in (None, True) for laws in (one, two)
     ]
     trying = "trying the laws of a drive"
     assert told == [

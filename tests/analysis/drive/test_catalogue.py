@@ -1,5 +1,7 @@
 """The force of each law of a drive on a few samples, worked out by hand or by scipy, and what a share is worth."""
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -39,7 +41,7 @@ def test_the_force_of_a_law(law: str, nonlinear: tuple[float, ...], columns: lis
     force = LAWS[law].force
     assert force is not None
     found = force(stretch([0.5, 1.0, 3.0], [-2.0, 0.0, 4.0], [7.0, -6.0, -5.0]), nonlinear)
-    assert len(found) == len(LAWS[law].linear) == len(columns)
+    assert len(found) == len(LAWS[law].linear_names) == len(columns)
     np.testing.assert_allclose(np.stack(found), columns, atol=1e-12)
 
 
@@ -92,7 +94,7 @@ def test_a_share_is_worth_the_most_that_any_stretch_shows_in_the_samples_compare
 ) -> None:
     one = stretch([0.0, 1.0, 3.0, 90.0], [1.0, 2.0, -3.0, 90.0], used=[1, 2])
     two = stretch([5.0, 4.0, 6.0, 5.5], [-4.0, 0.0, 1.0, -90.0], used=[0, 1, 2])
-    parameter = next(p for law in LAWS.values() for p in law.nonlinear_parameters if p.scale is scale)
+    parameter = next(p for law in LAWS.values() for p in law.nonlinear_parameters if p.share_of is scale)
     assert parameter.scale_in([one, two]) == parameter.scale_in([two, one]) == worth
 
 
@@ -102,16 +104,24 @@ def test_laws_are_found_by_their_names_or_themselves_and_nothing_else_is_one() -
         laws_named(["coulomb_friction", "gain_error"])
     assert [law.name for law in LAWS.values() if law.of_force] == ["load_dependent_friction"]
     for name, law in LAWS.items():
-        names = [*law.linear, *(parameter.name for parameter in law.nonlinear_parameters)]
-        assert [parameter.name for parameter in law.parameters] == names
-        assert law.name == name and law.amplitude == names[0]
+        names = [f"{name}.{parameter.name}" for parameter in law.parameters]
+        assert names == [*law.linear_names, *law.nonlinear_names]
+        assert law.name == name and f"{name}.{law.amplitude}" == names[0]
+        assert law.values_in(dict(zip(names, range(9), strict=False))) == tuple(
+            range(len(names))[len(law.linear_names) :]
+        )
+
+
+def test_a_law_is_sent_to_another_process_by_its_name() -> None:
+    sent = pickle.loads(pickle.dumps(tuple(LAWS.values())))
+    assert all(one is other for one, other in zip(sent, LAWS.values(), strict=True))
 
 
 def test_the_first_values_that_are_tried_lie_within_the_bounds_and_rise() -> None:
     for parameter in (p for law in LAWS.values() for p in law.nonlinear_parameters):
-        tried = [parameter.low, *parameter.grid, parameter.high]
+        tried = [parameter.lower, *parameter.grid, parameter.upper]
         assert tried == sorted(tried) and len(set(tried)) == len(tried), parameter.name
-        assert not parameter.logarithmic or parameter.low > 0.0
+        assert not parameter.logarithmic or parameter.lower > 0.0
     (delay,) = LAWS["drive_delay"].nonlinear_parameters
     assert 0.0 in delay.grid and delay.grid == pytest.approx([-share for share in reversed(delay.grid)])
 

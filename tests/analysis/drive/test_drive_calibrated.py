@@ -13,7 +13,7 @@ RECORDS = 100
 
 
 def _fitted(drive: Callable[[int], Drive], laws: tuple[str, ...]) -> list[Regression]:
-    start = {"position_ripple": (0.0131,)}
+    start = {"position_ripple.pitch_m": 0.0131}
     return [regress(Table.of(prepare([drive(seed).motion()])), laws, None, start) for seed in range(RECORDS)]
 
 

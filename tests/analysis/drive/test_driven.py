@@ -13,10 +13,11 @@ from analysis.drive.bandwidth import _equal_noise_hz, force_noise
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.drive.driven_fit import fit_driven
-from analysis.drive.law_screening import _ripple_pitches, orthonormal, project_out, screen_laws
+from analysis.drive.law_screening import _ripple_pitches, project_out, screen_laws
 from analysis.drive.regression import independent_count, regress
 from analysis.drive.repeatability import Repeatability, repeatability_of
 from analysis.drive.stretch import Table, low_pass, prepare
+from analysis.inference import orthonormal
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisError
 from analysis.signal.filters import derivative_filters

@@ -7,9 +7,10 @@ import pytest
 
 from analysis.drive import law_screening
 from analysis.drive.catalogue import LAWS
-from analysis.drive.law_screening import CandidateLaws, _best, _ripple_pitches, grid_points, orthonormal, screen_laws
+from analysis.drive.law_screening import CandidateLaws, _best, _ripple_pitches, grid_points, screen_laws
 from analysis.drive.regression import Regression, regress
 from analysis.drive.stretch import Table, low_pass, prepare
+from analysis.inference import orthonormal
 from tests.analysis.drive.slider import Drive
 
 
@@ -41,13 +42,12 @@ def test_a_candidate_would_remove_what_a_fit_at_the_same_shape_removes(table: Ta
     some = [*screened.singles, *screened.pairs[:3], *screened.pairs[-3:]]
     some += [pair for pair in screened.pairs if "drive_delay" in pair.laws]
     for candidate in some:
-        assert set(candidate.nonlinear) == {law for law in candidate.laws if LAWS[law].nonlinear_parameters}
-        fixed = {f"{law}.{LAWS[law].nonlinear_parameters[0].name}": at[0] for law, at in candidate.nonlinear.items()}
-        more = regress(table, (*given, *candidate.laws), found.mask, None, fixed)
+        assert set(candidate.nonlinear) == {name for law in candidate.laws for name in LAWS[law].nonlinear_names}
+        more = regress(table, (*given, *candidate.laws), found.mask, None, candidate.nonlinear)
         assert candidate.gain_n2 == pytest.approx(squares(found) - squares(more), rel=1e-5), candidate
     # and of a law's grid it is the best point
     for law in ("stribeck_friction", "drive_delay"):
-        name = f"{law}.{LAWS[law].nonlinear_parameters[0].name}"
+        (name,) = LAWS[law].nonlinear_names
         fits = [
             regress(table, (*given, law), found.mask, None, {name: at})
             for (at,) in grid_points(LAWS[law], table.stretches)

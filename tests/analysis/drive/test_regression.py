@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.drive import regression
 from analysis.drive.catalogue import LAWS
 from analysis.drive.regression import (
     DEPENDENT,
     delay_of,
     independent_count,
+    least_squares,
     linearly_dependent,
     regress,
     rms,
@@ -72,10 +72,10 @@ def test_a_shape_that_is_searched_ends_where_the_rest_is_least_and_its_slope_is_
     drive = Drive(lambda x, v: 20.0 * np.sign(v) * (1.0 + np.exp(-np.abs(v) / 0.05)), encoder_m=1e-6, seconds=20.0)
     table = Table.of(prepare([drive.motion()]))
     laws = ("coulomb_friction", "stribeck_friction")
-    found = regress(table, laws, None, {"stribeck_friction": (0.02,)})
+    found = regress(table, laws, None, {"stribeck_friction.speed_m_per_s": 0.02})
     name = "stribeck_friction.speed_m_per_s"
     assert found.names[3:] == (FRICTION, "stribeck_friction.force_n", name)
-    assert found.nonlinear == {"stribeck_friction": (found.quantity(name).value,)}
+    assert found.nonlinear == {name: found.quantity(name).value}
     speed = found.quantity(name).value
     assert speed == pytest.approx(0.05, rel=0.02)
 
@@ -93,11 +93,11 @@ def test_a_shape_that_is_searched_ends_where_the_rest_is_least_and_its_slope_is_
 
 
 def test_a_search_may_begin_at_or_beyond_a_bound(table: Table) -> None:
-    inside = regress(table, ("presliding_friction",), None, {"presliding_friction": (1e-3,)})
+    inside = regress(table, ("presliding_friction",), None, {"presliding_friction.reach_m": 1e-3})
     travel = LAWS["presliding_friction"].nonlinear_parameters[0].scale_in(table.stretches)
     for beyond in (0.9 * travel, 0.3 * travel):
-        far = regress(table, ("presliding_friction",), None, {"presliding_friction": (beyond,)})
-        assert far.nonlinear["presliding_friction"][0] <= 0.3 * travel
+        far = regress(table, ("presliding_friction",), None, {"presliding_friction.reach_m": beyond})
+        assert far.nonlinear["presliding_friction.reach_m"] <= 0.3 * travel
         assert far.rms_n <= 1.2 * inside.rms_n
 
 
@@ -106,26 +106,26 @@ def test_a_ripple_stays_the_wave_that_it_began_as(waves: float) -> None:
     """By half a wave more or fewer along the travel at most."""
     table = Table.of(prepare([Drive(lambda x, v: 4.0 * np.sin(2 * np.pi * x / 0.013), encoder_m=1e-6).motion()]))
     travel = float(np.ptp(table.displacement_m))
-    found = regress(table, ("position_ripple",), None, {"position_ripple": (travel / waves,)})
-    assert abs(travel / found.nonlinear["position_ripple"][0] - waves) < 0.5 + 1e-3
+    found = regress(table, ("position_ripple",), None, {"position_ripple.pitch_m": travel / waves})
+    assert abs(travel / found.nonlinear["position_ripple.pitch_m"] - waves) < 0.5 + 1e-3
 
 
 def test_a_delay_moves_the_force_before_anything_is_fitted(table: Table) -> None:
-    nonlinear = {"drive_delay": (4e-3,)}
+    nonlinear = {"drive_delay.time_s": 4e-3}
     assert delay_of(nonlinear) == 4e-3 and delay_of({}) == 0.0
     found = regress(table, ("drive_delay",), None, None, {"drive_delay.time_s": 4e-3})
     values = np.linalg.lstsq(table.base(), table.force(4e-3), rcond=None)[0]
     assert found.names == (MASS_NAME, DRAG_NAME, OFFSET_NAME, "drive_delay.time_s")
     np.testing.assert_allclose(found.values, [*values, 4e-3], rtol=1e-7)
-    free = regress(table, ("drive_delay",), None, {"drive_delay": (1e-3,)})
-    near = [table.force(free.nonlinear["drive_delay"][0] + by) for by in (-1e-4, 1e-4)]
+    free = regress(table, ("drive_delay",), None, {"drive_delay.time_s": 1e-3})
+    near = [table.force(free.nonlinear["drive_delay.time_s"] + by) for by in (-1e-4, 1e-4)]
     np.testing.assert_allclose(free.tangents[:, 3], (near[0] - near[1]) / 2e-4, atol=1e-3 * np.abs(near).max() / 1e-2)
 
 
 @pytest.mark.parametrize(("factor", "dependent"), [(0.5, True), (2.0, False)])
 def test_columns_are_dependent_where_one_has_next_to_nothing_of_its_own(factor: float, dependent: bool) -> None:
     # of two unit vectors an angle a apart the least singular value is sqrt(2) sin(a / 2)
-    angle = 2.0 * np.arcsin(factor * DEPENDENT**0.5 / np.sqrt(2.0))
+    angle = 2.0 * np.arcsin(factor * DEPENDENT / np.sqrt(2.0))
     columns = np.array([[1.0, np.cos(angle)], [0.0, np.sin(angle)], [0.0, 0.0]])
     assert linearly_dependent(columns * [1e5, 1e-7]) is dependent
     assert linearly_dependent(np.array([[1.0, 0.0], [0.0, 0.0]]))
@@ -159,16 +159,14 @@ def test_independent_samples_of_a_residual() -> None:
     assert rms(np.array([3.0, -4.0])) == pytest.approx(np.sqrt(12.5)) and rms(np.zeros(0)) == 0.0
 
 
-def test_the_quick_solution_of_the_search_is_that_of_least_squares() -> None:
+def test_columns_of_any_unit_are_solved_for_and_one_of_zeros_is_worth_nothing() -> None:
     random = np.random.default_rng(3)
     columns, target, units = random.standard_normal((60, 4)), random.standard_normal(60), [1.0, 1e6, 1e-9, 3.0]
     exact = np.linalg.lstsq(columns, target, rcond=None)[0] / units
     columns = columns * units
-    for solve in (regression._normal_equations, regression.least_squares):
-        np.testing.assert_allclose(solve(columns, target), exact, rtol=1e-8)
+    np.testing.assert_allclose(least_squares(columns, target), exact, rtol=1e-8)
     nowhere = np.concatenate([columns, np.zeros((60, 1))], axis=1)  # a law that acts nowhere
-    for solve in (regression._normal_equations, regression.least_squares):
-        np.testing.assert_allclose(solve(nowhere, target), [*exact, 0.0], rtol=1e-8)
+    np.testing.assert_allclose(least_squares(nowhere, target), [*exact, 0.0], rtol=1e-8)
 
 
 def test_a_drive_without_laws_is_its_mass_drag_and_offset() -> None:

@@ -12,22 +12,20 @@ from analysis.diagnosis.result import (
     Diagnosis,
     DriveEvidence,
     DriveRemainder,
-    Errors,
     FoundEffect,
     Standing,
 )
 from analysis.diagnosis.verdict.acceptance import conclude
 from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.verdict.prediction_errors import force_errors
 from analysis.drive import (
     GAIN_ERROR,
     LAWS,
     MassCheck,
     Regression,
-    Repeatability,
     Table,
     as_fit,
     check_mass,
-    chi2,
     filtered_noise_n,
     laws_named,
     prepare,
@@ -75,10 +73,10 @@ def diagnose_driven(
         verdict=conclude(explained=explained, effects=effects),
         effects=effects,
         candidates=_candidates(searched, mass_check),
-        error_before=_errors(before.rms_n, repeatability),
-        error_after=_errors(after.rms_n, repeatability),
-        error_held_out_before=_errors(held_before_n, repeatability),
-        error_held_out_after=_errors(held_after_n, repeatability),
+        error_before=force_errors(before.rms_n, repeatability),
+        error_after=force_errors(after.rms_n, repeatability),
+        error_held_out_before=force_errors(held_before_n, repeatability),
+        error_held_out_after=force_errors(held_after_n, repeatability),
         fit_before=as_fit(motions, before, mass_check, repeatability, 0.0),
         fit_after=as_fit(motions, after, mass_check, repeatability, seconds),
         seconds=seconds,
@@ -92,11 +90,6 @@ def diagnose_driven(
     )
     tell("diagnosed", 1.0)
     return diagnosis
-
-
-def _errors(force_n: float, repeatability: Repeatability) -> Errors:
-    """Return the errors in force; an open-loop model's path drifts, so displacement and velocity are not compared."""
-    return Errors(float("nan"), float("nan"), force_n, chi2(force_n, repeatability))
 
 
 def remainder(table: Table, found: Regression) -> DriveRemainder:

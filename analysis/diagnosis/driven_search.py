@@ -88,8 +88,7 @@ def _fit_candidates(
     fits = []
     for candidate in candidates:
         with contextlib.suppress(AnalysisError):
-            laws, start = (*found.laws, *candidate.laws), {**found.nonlinear, **candidate.nonlinear}
-            fits.append((candidate.laws, regress(table, laws, table.earlier, start)))
+            fits.append((candidate.laws, candidate.added_to(found, table)))
     if not fits:
         return ()
     count = min((new for _, new in fits), key=lambda new: new.rms_n).independent_samples  # common to all trials
@@ -163,8 +162,7 @@ def without_useless(
     """Return the model without laws made redundant by later ones, and the evidence of the remaining laws."""
     evidence = {}
     for law in [name for name in found.laws if name not in accepted]:
-        rest = tuple(name for name in found.laws if name != law)
-        fewer = regress(table, rest, table.earlier, found.nonlinear)
+        fewer = _without(table, found, law)
         delta_bic = -bic_change(found, fewer, found.independent_samples)
         without_it_n = fewer.rms_of(~table.earlier)
         predicts = without_it_n > found.rms_of(~table.earlier) / (1.0 - CRITERIA.drive_gain)
@@ -174,11 +172,14 @@ def without_useless(
     return found, evidence
 
 
+def _without(table: Table, found: Regression, law: str) -> Regression:
+    return regress(table, tuple(name for name in found.laws if name != law), found.mask, found.nonlinear)
+
+
 def look_alikes(table: Table, found: Regression, law: str) -> tuple[str, ...]:
     """Return the laws that fit nearly as well as ``law`` in its place, by BIC; best first."""
-    rest = tuple(name for name in found.laws if name != law)
     try:
-        fewer = regress(table, rest, None, found.nonlinear)
+        fewer = _without(table, found, law)
     except AnalysisError:
         return ()
     taken = float(fewer.residual_n @ fewer.residual_n) - float(found.residual_n @ found.residual_n)
@@ -188,7 +189,8 @@ def look_alikes(table: Table, found: Regression, law: str) -> tuple[str, ...]:
         if candidate.gain_n2 * WORTH_A_FIT < taken:
             break
         with contextlib.suppress(AnalysisError):
-            other = regress(table, (*rest, *candidate.laws), None, {**found.nonlinear, **candidate.nonlinear})
+            laws = (*fewer.laws, *candidate.laws)
+            other = regress(table, laws, None, {**found.nonlinear, **candidate.nonlinear})
             if bic_change(found, other, found.independent_samples) < CRITERIA.least_lead:
                 alike.append(candidate.laws[0])
     return tuple(alike)

@@ -91,8 +91,7 @@ def fit_accepted(table: Table, laws: Sequence[str], mask: Mask | None = None) ->
         if not candidates:
             named = missing[0].replace("_", " ")
             raise AnalysisError(f"{named}: cannot be distinguished from the rest of the model in this motion")
-        candidate = max(candidates, key=lambda g: g.gain_n2)
-        found = regress(table, (*found.laws, *candidate.laws), mask, {**found.nonlinear, **candidate.nonlinear})
+        found = max(candidates, key=lambda g: g.gain_n2).added_to(found, table)
     return found
 
 
@@ -115,18 +114,13 @@ def as_fit(
         parameters=parameters,
         covariance=covariance,
         shots=(),
-        reduced_chi2=chi2(found.rms_n, repeatability),
+        reduced_chi2=repeatability.chi2(found.rms_n),
         noise_std_m=float(np.median([np.nanmedian(motion.displacement_std_m) for motion in motions])),
         converged=True,
         effects=laws_named(found.laws),
         flags=() if mass_check.agrees else (FLAG,),
         seconds=seconds,
     )
-
-
-def chi2(error_n: float, repeatability: Repeatability) -> float:
-    """Return the square of the ratio of an rms force error to the repeatability."""
-    return (error_n / repeatability.force_n) ** 2 if repeatability.force_n > 0.0 else float("nan")
 
 
 def filtered_noise_n(motions: Sequence[Motion], stretches: Sequence[Stretch], found: Regression) -> float:

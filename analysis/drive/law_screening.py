@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.drive.catalogue import LAWS, Law
-from analysis.drive.regression import DEPENDENT, Regression, Values, delay_of
+from analysis.drive.regression import DEPENDENT, Regression, Values, delay_of, regress
 from analysis.drive.stretch import Mask, Stretch, Table, low_pass
 from analysis.inference import orthonormal
 from analysis.shot import Floats
@@ -34,6 +34,10 @@ class CandidateLaws:
     def joined(self, other: "CandidateLaws", gain_n2: float) -> "CandidateLaws":
         """Return both, which together would remove ``gain_n2``."""
         return CandidateLaws((*self.laws, *other.laws), {**self.nonlinear, **other.nonlinear}, gain_n2)
+
+    def added_to(self, found: Regression, table: Table) -> Regression:
+        """Return a fit repeated with these laws, over the same samples.  Raises AnalysisError, Cancelled."""
+        return regress(table, (*found.laws, *self.laws), found.mask, {**found.nonlinear, **self.nonlinear})
 
 
 @dataclass(frozen=True, slots=True)

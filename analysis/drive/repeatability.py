@@ -28,6 +28,10 @@ class Repeatability:
     repeats: bool
     cycle_s: float | None = None  # period of the passes; None: they are records of one input
 
+    def chi2(self, error_n: float) -> float:
+        """Return the square of the ratio of an rms force error to the repeatability."""
+        return (error_n / self.force_n) ** 2 if self.force_n > 0.0 else float("nan")
+
 
 def repeatability_of(table: Table, found: Regression, noise_n: float) -> Repeatability:
     """Return the scatter between passes, or the noise ``noise_n`` of the filtered force if no motion is repeated.

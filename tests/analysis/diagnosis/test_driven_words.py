@@ -232,7 +232,6 @@ def test_a_drive_is_diagnosed_step_by_step(rms_n: float, explained: bool, monkey
         "look_alikes": lambda of, whole, law: ("quadratic_drag",),
         "as_fit": lambda motions, whole, check, repeats, s: (motions, len(whole.laws), check, repeats, s > 0.0),
         "remainder": lambda of, whole: ("left", of, len(whole.laws)),
-        "chi2": lambda force, repeats: force / repeats.force_n,
     }.items():  # fmt: skip
         monkeypatch.setattr(driven, name, made)
     given: Any = "motions"
@@ -243,7 +242,7 @@ def test_a_drive_is_diagnosed_step_by_step(rms_n: float, explained: bool, monkey
     )
     forces = (made.error_before, made.error_after, made.error_held_out_before, made.error_held_out_after)
     assert [(one.force_rms_n, one.reduced_chi2) for one in forces if one] == [
-        (50.0, 25.0), (rms_n, rms_n / 2), (70.0, 35.0), (7.0, 3.5),
+        (50.0, 625.0), (rms_n, (rms_n / 2) ** 2), (70.0, 1225.0), (7.0, 12.25),
     ]  # fmt: skip
     assert all(one is not None and np.isnan(one.displacement_rms_m + one.velocity_rms_m_per_s) for one in forces)
     assert made.fit_before == ("motions", 1, mass, repeatability, False)  # type: ignore[comparison-overlap]

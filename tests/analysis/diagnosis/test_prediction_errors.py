@@ -148,10 +148,9 @@ def test_a_drives_force_is_predicted_by_base_and_by_model(monkeypatch: pytest.Mo
     monkeypatch.setattr(module, "prediction_residual_n", lambda *given: asked.append(given) or len(asked))
     monkeypatch.setattr(module, "rms", lambda left: 10.0 * left)
     monkeypatch.setattr(module, "force_noise", lambda motion: 4.0 if motion == "motion" else 0.0)
-    monkeypatch.setattr(module, "chi2", lambda force, repeats: force / repeats.force_n)
     given: Any = ("motion", SimpleNamespace(effects=("law",), parameters="whole"), "base")
     bare, whole = module._driven(*given)
     table = ("table", ("prepared", ["motion"]))
     assert asked == [(table, (), "base"), (table, ("law",), "whole")]
-    assert (bare.force_rms_n, bare.reduced_chi2, whole.force_rms_n, whole.reduced_chi2) == (10.0, 2.5, 20.0, 5.0)
+    assert (bare.force_rms_n, bare.reduced_chi2, whole.force_rms_n, whole.reduced_chi2) == (10.0, 6.25, 20.0, 25.0)
     assert math.isnan(bare.displacement_rms_m) and math.isnan(bare.velocity_rms_m_per_s)

@@ -10,7 +10,7 @@ import pytest
 from analysis.collision.effects.row import Effect
 from analysis.drive.bandwidth import force_noise
 from analysis.drive.catalogue import LAWS
-from analysis.drive.driven_fit import MassCheck, check_mass, chi2, filtered_noise_n, fit_driven, prediction_residual_n
+from analysis.drive.driven_fit import MassCheck, check_mass, filtered_noise_n, fit_driven, prediction_residual_n
 from analysis.drive.regression import regress
 from analysis.drive.repeatability import Repeatability
 from analysis.drive.stretch import Table, prepare
@@ -73,8 +73,8 @@ def test_a_mass_that_cannot_be_is_refused_with_its_cause() -> None:
 
 
 def test_chi2_is_the_square_of_the_error_over_what_the_drive_repeats_to() -> None:
-    assert chi2(6.0, Repeatability(2.0, True)) == 9.0
-    assert np.isnan(chi2(6.0, Repeatability(0.0, True)))
+    assert Repeatability(2.0, True).chi2(6.0) == 9.0
+    assert np.isnan(Repeatability(0.0, True).chi2(6.0))
 
 
 @pytest.mark.parametrize(("noise_n", "encoder_m"), [(2.0, 1e-7), (1e-3, 2e-6), (1.5, 2e-6)])

@@ -130,7 +130,6 @@ class BaseModel:
     words: str  # in a sentence
     in_record: str = ""  # its name in a motion record, which can name no others
     bodies: str = ""  # in words, if a record without a force can be of it
-    one_body: bool = False  # no plate moves
 
 
 BASE_MODELS: Mapping[str, BaseModel] = {
@@ -139,8 +138,8 @@ BASE_MODELS: Mapping[str, BaseModel] = {
         BaseModel(PAPER_MODEL, "paper (two bodies)", "paper model", "plate", "block and plate"),
         BaseModel("clamped", "damping clamped", "paper model, no damping while separating"),
         BaseModel("no_tension", "no tension", "paper model without tensile contact force"),
-        BaseModel(ONE_BODY, "one body on a spring", "one body on a contact", "contact", "one body, spring", True),
-        BaseModel(DRIVE, "driven slider", "driven slider", "driven", one_body=True),
+        BaseModel(ONE_BODY, "one body on a spring", "one body on a contact", "contact", "one body, spring"),
+        BaseModel(DRIVE, "driven slider", "driven slider", "driven"),
     )
 }
 

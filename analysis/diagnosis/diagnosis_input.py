@@ -48,10 +48,10 @@ class DiagnosisInput:
 
     @cached_property
     def catalogue(self) -> Sequence[TrialEffect]:
-        """Get every effect that may be tried; for a plate that does not move, those that need no plate motion."""
+        """Get every effect that may be tried: those that the base model allows, and those already in the model."""
         kinds = trial_effects([*self.laws, *(one for one in self.accepted if one.acts is not Acts.IN_DRIVE)])
-        plate_moves = not base_named(self.model).one_body
-        return [kind for kind in kinds if plate_moves or kind.effect.one_body or kind.effect in self.accepted]
+        base = base_named(self.model)
+        return [kind for kind in kinds if base.allows(kind.effect) or kind.effect in self.accepted]
 
     @property
     def accepted(self) -> tuple[Effect, ...]:

@@ -135,8 +135,8 @@ def _likeliest_forms(fits: list[FormFit], stop: Stop) -> list[FormFit]:
 
 def arguments_of(start: Fitted) -> list[Argument]:
     """Return the arguments that a law added to a fit may have."""
-    one_body = start.problem.data.base.one_body
-    return [argument for argument in ARGUMENTS if not (one_body and argument.where == "plate")]
+    plate_moves = start.problem.data.base.plate_moves
+    return [argument for argument in ARGUMENTS if plate_moves or argument.where != "plate"]
 
 
 def _meets(one: FormFit, curves: Sequence[Learned]) -> bool:

@@ -232,9 +232,8 @@ def replace_by_wider(here: Fitted, trail: Trail) -> Fitted:
 
 def wider_fits(here: Fitted, effect: Effect, stop: Stop) -> list[Fitted]:
     """Return the fits with one effect replaced by each of its wider variants, started at its parameters."""
-    rows = [row for row in WIDER_EFFECTS.values() if row.widens == effect.key]
-    if here.problem.data.base.one_body:
-        rows = [row for row in rows if row.one_body]
+    base = here.problem.data.base
+    rows = [row for row in WIDER_EFFECTS.values() if row.widens == effect.key and base.allows(row)]
     found = [_widened(here, effect, trial_effect(row), stop) for row in rows]
     return [fitted for fitted in found if fitted is not None]
 

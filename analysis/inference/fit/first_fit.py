@@ -14,7 +14,7 @@ from functools import cache
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
-from analysis.inference.fit.base import PLATES_RELIABLE_CHI2, Plates, SearchStart, base_of
+from analysis.inference.fit.base import PLATES_RELIABLE_CHI2, Plates, SearchStart, base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_guesses import first_guesses, resembling_candidates
 from analysis.inference.fit.free_parameters import trials_of
@@ -46,7 +46,7 @@ def first_fit(
     AnalysisError if no trajectory of the model comes near the shots, Cancelled on request.  Cost: 0.1 s for three
     shots, 0.3 s more on a moving frame.
     """
-    base = base_of(model, 1 + max(shot.plate_number for shot in shots))
+    base = base_named(model).on_plates(1 + max(shot.plate_number for shot in shots))
     noise = noise or noise_of_flights(shots, site)[0]
     data = JointData(shots, base, site=site)
     ends: list[SearchStart] = []

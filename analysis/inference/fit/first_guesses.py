@@ -7,13 +7,13 @@ all of them.
 
 import contextlib
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from analysis.collision import PAPER, Collision, Infeasible, TooManyEvents, Variant, solve
+from analysis.collision import PAPER, Collision, Infeasible, TooManyEvents, solve
 from analysis.compiled import side_by_side
 from analysis.inference.fit.base import Base
 from analysis.inference.fit.course import Course, NoCollision
@@ -31,10 +31,6 @@ _EVALUATIONS = 18
 _SAME_PATTERN = 0.03  # largest residual of a correct bounce sequence over a wrong one's, even with missing effects
 _SWAYED_PATTERN = 0.2  # the same if the whole residual may be frame motion
 _APART = 0.03  # relative difference of a parameter below which guesses count as one
-# grid of the candidates: plate mass over block mass, contact stiffness over smooth contact's, damping ratio
-_MASS_RATIOS = np.geomspace(0.002, 0.1, 7)
-_STIFFNESS_RATIOS = np.geomspace(8, 1200, 8)
-_DAMPING_RATIOS = (0.04, 0.15, 0.4)
 _POINTS = 420
 _BEFORE, _AFTER = 0.1, 1.25  # contact times before and after the touch that are compared
 _MASS_KG, _RATE_RAD_PER_S = PAPER.block_mass_kg, 110.0  # of the shot for which the candidates are solved
@@ -108,7 +104,7 @@ def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: flo
 
 
 def _plate_by_plate(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: float) -> Floats:
-    one = replace(base, plates=1)
+    one = base.on_plates(1)
     of_plate = [[replace(s, plate_number=0) for s in shots if s.plate_number == k] for k in range(base.plates)]
     best = [first_guesses(one, those, stop, sways_m)[0] for those in of_plate]
     most = max(range(base.plates), key=lambda k: len(of_plate[k]))
@@ -150,7 +146,7 @@ def rank(shot: Samples, base: Base) -> list[Guess]:
     Offset, velocity, touch time and plate stiffness are projected out linearly.  The coarse grid therefore covers only
     mass ratio, contact stiffness and damping, which determine the bounces.  About 2 ms; 40 ms for the first call.
     """
-    patterns = _patterns(base.variant, base.one_body)
+    patterns = _patterns(base)
     course, time_s, good = shot.course, shot.centre_s, np.flatnonzero(shot.valid)
     wanted_s = course.touch_time_s + patterns.at * course.contact_time_s
     nearest = good[np.clip(np.searchsorted(time_s[good], wanted_s), 0, good.size - 1)]
@@ -168,16 +164,16 @@ def rank(shot: Samples, base: Base) -> list[Guess]:
 
 
 @lru_cache(maxsize=8)
-def _patterns(variant: Variant, one_body: bool) -> _Patterns:
+def _patterns(base: Base) -> _Patterns:
     at = np.linspace(-_BEFORE, _AFTER, _POINTS)
     times_s = at * np.pi / _RATE_RAD_PER_S
     kept, moves = [], []
-    for candidate in _candidates(variant, one_body):
+    for candidate in base.candidates(_MASS_KG, _MASS_KG * _RATE_RAD_PER_S**2, PAPER.velocity_in_m_per_s):
         try:
             run = solve(candidate, (), times_s, directions=range(7))
         except TooManyEvents:
             continue
-        stiffness = run.displacement_derivatives[:, 2 if one_body else 0]
+        stiffness = run.displacement_derivatives[:, base.in_kernel[0]]
         columns = np.stack(
             [np.ones(at.size), run.displacement_derivatives[:, 4], run.velocity_m_per_s, stiffness], axis=1
         )
@@ -186,24 +182,6 @@ def _patterns(variant: Variant, one_body: bool) -> _Patterns:
             kept.append(candidate)
             moves.append(np.linalg.qr(columns / scale)[0])
     return _Patterns(tuple(kept), at, np.array(moves))
-
-
-def _candidates(variant: Variant, one_body: bool) -> Iterator[Collision]:
-    smooth = _MASS_KG * _RATE_RAD_PER_S**2
-    v = PAPER.velocity_in_m_per_s
-    for damping in _DAMPING_RATIOS:
-        if one_body:
-            gamma = 2 * damping * np.sqrt(smooth * _MASS_KG)
-            yield Collision(_MASS_KG, v, 0.0, np.inf, smooth, gamma, variant=variant)
-            continue
-        for mass_ratio in _MASS_RATIOS:
-            plate_mass = mass_ratio * _MASS_KG
-            reduced = _MASS_KG * plate_mass / (_MASS_KG + plate_mass)
-            for stiffness_ratio in _STIFFNESS_RATIOS:
-                contact = stiffness_ratio * smooth
-                plate = smooth * (1 + mass_ratio) / max(0.3, 1 - 1 / stiffness_ratio)
-                gamma = 2 * damping * np.sqrt(contact * reduced)
-                yield Collision(_MASS_KG, v, plate, plate_mass, contact, gamma, variant=variant)
 
 
 def _scaled(candidate: Collision, course: Course, block_mass_kg: float) -> Collision:

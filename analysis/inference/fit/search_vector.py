@@ -95,7 +95,7 @@ class SearchVector:
         shots = self.data.shots
         return Coordinates(
             block_mass_kg=self.data.reference_mass_kg or shots[0].moving_mass_kg,
-            plate=not self.data.base.one_body,
+            plate=self.data.base.plate_moves,
             reference_s=np.array([shot.course.touch_time_s for shot in shots]),
             further_at=self.data.base.further_at,
         )

@@ -10,7 +10,7 @@ from analysis.collision.effects import CATALOGUE, WIDER_EFFECTS, effect_named, o
 from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.collision.effects.on_sensor import plate_on_frame, plate_response_to_frame
 from analysis.collision.parameters import Variant
-from analysis.inference.fit.base import Base
+from analysis.inference.fit.base import TwoBodies
 from analysis.inference.fit.response import ShotModel, respond
 from instrument.bench import frame
 from instrument.bench.mechanics import Trajectory
@@ -36,7 +36,7 @@ def model_of(truth: Truth, trajectory: Trajectory, size: int) -> ShotModel:
     own = np.array([trajectory.velocity_in_m_per_s + foot, touch, 0.0])
     samples = samples_at(np.arange(size) * 1e-5, 1, b.block_mass_kg)
     values = {effect_named(name): given for name, given in truth.effects.items()}
-    return ShotModel(samples, Base(Variant.PAPER, False), np.array(shared), own, values)
+    return ShotModel(samples, TwoBodies(Variant.PAPER), np.array(shared), own, values)
 
 
 def moved(shot: ShotModel, name: str, by: float) -> ShotModel:

@@ -16,6 +16,7 @@ from analysis.diagnosis.learning import laws_outside_catalogue as module
 from analysis.diagnosis.learning.law_learning import Discovery
 from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.verdict.cross_validation import Prediction
+from analysis.inference import base_named
 from analysis.shot.quantity import Quantity
 
 DRAG, TILT, MODE = effects_named(("viscous_drag", "tilt", "block_mode"))
@@ -219,11 +220,10 @@ def test_a_form_may_gain_a_fifth_more_than_its_curve() -> None:
     assert law_learning.forms_may_beat(80.1, curves, start) and not law_learning.forms_may_beat(79.9, curves, start)
     assert law_learning.forms_may_beat(math.inf, curves[:1], start)
     assert not law_learning.forms_may_beat(9e9, [], start)
-    for one_body in (True, False):
-        data = SimpleNamespace(base=SimpleNamespace(one_body=one_body))
+    for model, places in (("contact", {"block", "contact"}), ("paper", {"block", "plate", "contact"})):
+        data = SimpleNamespace(base=base_named(model))
         fit: Any = SimpleNamespace(problem=SimpleNamespace(data=data))
-        places = {argument.where for argument in law_learning.arguments_of(fit)}
-        assert places == ({"block", "contact"} if one_body else {"block", "plate", "contact"})
+        assert {argument.where for argument in law_learning.arguments_of(fit)} == places
     best = [curve(50.0), curve(40.0)]
     assert law_learning._meets(curve(51.9), best) and not law_learning._meets(curve(52.1), best)
 

@@ -289,9 +289,9 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
     assert search._from_the_guess(before, "catalogue", "stop", None)[0] == "search_from_base"  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("one_body", [True, False])
+@pytest.mark.parametrize("allowed", [True, False])
 @pytest.mark.parametrize("feasible", [True, False])
-def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_body: bool, feasible: bool) -> None:
+def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(allowed: bool, feasible: bool) -> None:
     (row,) = WIDER_EFFECTS.values()
     (narrow,) = forward_selection.contained_effects([row, TILT])
     kept = KINDS["tilt"]
@@ -306,7 +306,7 @@ def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_b
     problem = SimpleNamespace(pack_effective=lambda point: point, fit=fitted)
     here: Any = SimpleNamespace(
         problem=SimpleNamespace(
-            data=SimpleNamespace(base=SimpleNamespace(one_body=one_body)),
+            data=SimpleNamespace(base=SimpleNamespace(allows=lambda effect: allowed)),
             effects=[KINDS[narrow.name], kept],
             with_effects=lambda effects, fixed: made.append((list(effects), fixed)) or problem,
             without_effect=lambda effect: SimpleNamespace(fixed=("fixed", effect)),
@@ -315,7 +315,7 @@ def test_a_wider_effect_takes_the_place_of_its_narrow_one_with_its_numbers(one_b
     )
     found = forward_selection.wider_fits(here, narrow, "stop")  # type: ignore[arg-type]
     assert forward_selection.wider_fits(here, TILT, "stop") == []  # type: ignore[arg-type]
-    if one_body and not row.one_body:
+    if not allowed:
         assert found == [] == made
         return
     assert found == (["fitted"] if feasible else [])

@@ -1,7 +1,6 @@
 """The parameters of a base model over one plate and several, and the collision that they make."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -10,11 +9,11 @@ import pytest
 
 from analysis.collision.parameters import PAPER, Infeasible, Variant
 from analysis.inference.fit import base as module
-from analysis.inference.fit.base import Base, base_named, base_of, named_on_plate, start_from_fit
+from analysis.inference.fit.base import OneBodyOnContact, TwoBodies, base_named, named_on_plate, start_from_fit
 
 SHARED = np.array([200.0, 2e-4, 1e4, 0.4, 300.0, 3e-4, 400.0, 4e-4])
-THREE = Base(Variant.CLAMPED, one_body=False, plates=3)
-ALONE = Base(Variant.PAPER, one_body=True)
+THREE = TwoBodies(Variant.CLAMPED, plates=3)
+ALONE = OneBodyOnContact()
 
 
 def test_the_parameters_of_several_plates_on_one_contact() -> None:
@@ -45,24 +44,23 @@ def test_a_collision_is_that_of_the_shots_plate() -> None:
     assert (locked.contact_stiffness_n_per_m, locked.contact_damping_n_s_per_m) == (1e4, 0.4)
     with pytest.raises(Infeasible, match="towards the plate"):
         THREE.collision(SHARED, 0.2, 0.02)
-    np.testing.assert_array_equal(Base(Variant.PAPER, one_body=False).shared(PAPER), PAPER.vector[:4])
+    np.testing.assert_array_equal(TwoBodies(Variant.PAPER).shared(PAPER), PAPER.vector[:4])
     np.testing.assert_array_equal(ALONE.shared(PAPER), PAPER.vector[2:4])
 
 
 def test_a_base_model_has_a_name() -> None:
-    assert base_named("contact") == ALONE and base_named("clamped") == Base(Variant.CLAMPED, one_body=False)
+    assert base_named("contact") == ALONE and base_named("clamped") == TwoBodies(Variant.CLAMPED)
     assert base_named("paper").variant is Variant.PAPER and base_named("no_tension").variant is Variant.NO_TENSION
     for name in ("x", "driven"):
         with pytest.raises(ValueError, match=f"no base model '{name}'; there are paper, clamped, no_tension, contact$"):
             base_named(name)
+    assert base_named("contact").on_plates(3) == ALONE and base_named("clamped").on_plates(3) == THREE
 
 
 def test_a_search_begins_where_a_fit_of_the_shots_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "plate_count", lambda motions: len(set(motions)))
     motions: Any = list("abcb")
-    assert base_of("clamped", 1).plates == 1 and base_of("contact", 3).plates == 1
-    base = base_of("clamped", 3)
-    assert base == replace(base_named("clamped"), plates=3)
+    base = base_named("clamped").on_plates(3)
     numbers = {name: SimpleNamespace(value=10.0 + k) for k, name in enumerate(base.names)}
     own = [
         SimpleNamespace(**{

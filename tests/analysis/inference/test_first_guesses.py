@@ -10,7 +10,7 @@ import pytest
 from analysis.collision import Infeasible, solve
 from analysis.collision.parameters import PAPER, Collision, Variant
 from analysis.inference.fit import first_guesses as module
-from analysis.inference.fit.base import base_named
+from analysis.inference.fit.base import Base, OneBodyOnContact, TwoBodies, base_named
 from analysis.inference.fit.course import NoCollision
 from analysis.inference.fit.first_guesses import Guess, first_guesses, rank
 from analysis.inference.fit.problem import Problem
@@ -70,17 +70,17 @@ def test_one_search_is_enough_where_the_pattern_of_bounces_is_plain(monkeypatch:
     assert found[0] == pytest.approx(PAPER.vector[:4], rel=1e-3)
 
 
-@pytest.mark.parametrize("one_body", [False, True])
-def test_every_candidate_swings_on_its_plate_as_slowly_as_the_others(one_body: bool) -> None:
+@pytest.mark.parametrize(("base", "count"), [(TwoBodies(Variant.CLAMPED), 168), (OneBodyOnContact(), 3)])
+def test_every_candidate_swings_on_its_plate_as_slowly_as_the_others(base: Base, count: int) -> None:
     """At 110 rad/s to a hundredth, so that a contact time tells which of them a record resembles; fast swings decay."""
-    found = list(module._candidates(Variant.CLAMPED, one_body))
-    assert len(found) == len(set(found)) == (3 if one_body else 168)
+    found = list(base.candidates(PAPER.block_mass_kg, PAPER.block_mass_kg * 110.0**2, PAPER.velocity_in_m_per_s))
+    assert len(found) == len(set(found)) == count
     for c in found:
-        assert c.variant is Variant.CLAMPED and c.block_mass_kg == PAPER.block_mass_kg
+        assert c.variant is base.variant and c.block_mass_kg == PAPER.block_mass_kg
         spring = np.array([[1.0, -1.0], [-1.0, 1.0]])
         mass = np.diag([c.block_mass_kg, c.plate_mass_kg])
         stiff = c.contact_stiffness_n_per_m * spring + np.diag([0.0, c.plate_stiffness_n_per_m])
-        if one_body:
+        if not base.plate_moves:
             spring, mass, stiff = spring[:1, :1], mass[:1, :1], stiff[:1, :1]
         squares, ways = np.linalg.eig(np.linalg.solve(mass, stiff))
         assert np.sqrt(squares.min()) == pytest.approx(110.0, rel=0.01)
@@ -203,4 +203,4 @@ def test_guesses_end_where_someone_stops_them_and_the_fastest_shot_is_looked_at(
     assert module._fastest([slow, fast]) is fast and module._fastest([fast, slow]) is fast
     some = module.resembling_candidates(BASE, [slow, fast], 3)
     np.testing.assert_array_equal(some, [BASE.shared(one.collision) for one in rank(fast, BASE)[:3]])
-    assert module.resembling_candidates(replace(BASE, plates=2), [slow, fast], 3) == []
+    assert module.resembling_candidates(BASE.on_plates(2), [slow, fast], 3) == []

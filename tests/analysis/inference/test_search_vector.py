@@ -62,7 +62,7 @@ def test_shots_on_several_plates_share_the_contact_and_what_is_chosen_is_no_entr
     """Of three plates one is not seen; a vector for some of the shots means what it does for all of them."""
     two = averaged_shots([shot(seed=1), shot(seed=2)])
     taken = (two[0], replace(two[1], plate_number=2, moving_mass_kg=0.03))
-    base = replace(base_named("paper"), plates=3)
+    base = base_named("paper").on_plates(3)
     kind = KINDS["cyclic_error"]
     problem = Problem(
         JointData(taken, base), (kind,), JointData(two, base).stated_noise, fixed={kind.effect: {"order": 2.0}}

@@ -12,7 +12,7 @@ from analysis.diagnosis.diagnosis_of_shots import diagnose
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.diagnosis.verdict.cross_validation import predict
-from analysis.inference.fit.base import base_of, start_from_fit
+from analysis.inference.fit.base import base_named, start_from_fit
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.joint_data import (
     frame_motions_of,
@@ -269,7 +269,7 @@ def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_nois
     site = site_under(motions, frame_motions_of(motions, "paper", None), CRITERIA.site_nm)
     assert site.moves
     (shot,) = averaged_shots(motions)
-    base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
+    base, shared = base_named("paper").on_plates(plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = frame_response_of(shot, site, base, shared, np.array(shot.course.own))
     for wander_m in (0.0, shot.white_m):
         noise = a_noise(shot.white_m, (0.0,) * site.bands, wander_m)
@@ -285,7 +285,7 @@ def test_a_frame_that_nothing_feels_takes_nothing(share: float, capfd: pytest.Ca
     assert site.moves
     still = replace(site, vibration=replace(site.vibration, power_m2=site.vibration.power_m2 * share**2))
     (shot,) = averaged_shots(motions)
-    base, shared = base_of("paper", plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
+    base, shared = base_named("paper").on_plates(plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
     sway = frame_response_of(shot, still, base, shared, np.array(shot.course.own))
     noise = a_noise(shot.white_m, (0.0,) * site.bands)
     rows = np.random.default_rng(1).standard_normal((int(shot.valid.sum()), 2))

@@ -11,7 +11,7 @@ from analysis.diagnosis.model_file import saved
 from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
 from analysis.fitted.readings_from_fit import contact_cor, fitted_contact_cor
-from analysis.inference.fit.base import base_of
+from analysis.inference.fit.base import base_named
 from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
@@ -110,7 +110,7 @@ def test_the_contact_cor_of_each_shot_uses_its_own_plate(five):
 
 def test_the_derivatives_by_both_plates_are_those_of_the_sum_of_squares(five):
     motions, _, found = five
-    base, shots = base_of("paper", plate_count(motions)), averaged_shots(motions)
+    base, shots = base_named("paper").on_plates(plate_count(motions)), averaged_shots(motions)
     problem = Problem(JointData(shots, base), (), noise_of_flights(shots)[0])
     shared = np.array([found.fit_before.parameters[name].value * 1.0001 for name in base.names])
     here = problem.pack(Point(shared, np.array([shot.course.own for shot in shots]), ({},) * len(shots)))

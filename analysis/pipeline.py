@@ -23,7 +23,6 @@ from analysis.shot import (
     Stop,
     corrected_setup,
 )
-from levimass import is_drive
 
 
 def analyse(
@@ -135,7 +134,7 @@ def _impact_read(shot: Shot, progress: Progress | None, cancelled: Stop | None) 
     _tell(progress, cancelled, "reading the impact", 0.5)
     started = time.perf_counter()
     motion = shot.motion
-    if not is_drive(shot.settings.model):  # a driven slider has no collision
+    if shot.settings.collides:
         try:
             check_collision(motion)
             impact = with_rate_error(read_impact(motion), motion)

@@ -123,13 +123,18 @@ PAPER_MODEL, ONE_BODY, DRIVE = "paper", "contact", "driven"
 
 @dataclass(frozen=True, slots=True)
 class BaseModel:
-    """A base model under its ``name`` in settings and files, with its texts."""
+    """A base model under its ``name`` in settings and files, with its texts.
+
+    Shots of one that ``collides`` have an impact, and take the effects of the catalogue and own laws.  The others are
+    driven by a measured force: their fit has no part for each shot, and they take the laws of a drive.
+    """
 
     name: str
     choice: str  # in the settings
     words: str  # in a sentence
     in_record: str = ""  # its name in a motion record, which can name no others
     bodies: str = ""  # in words, if a record without a force can be of it
+    collides: bool = True
 
 
 BASE_MODELS: Mapping[str, BaseModel] = {
@@ -139,9 +144,14 @@ BASE_MODELS: Mapping[str, BaseModel] = {
         BaseModel("clamped", "damping clamped", "paper model, no damping while separating"),
         BaseModel("no_tension", "no tension", "paper model without tensile contact force"),
         BaseModel(ONE_BODY, "one body on a spring", "one body on a contact", "contact", "one body, spring"),
-        BaseModel(DRIVE, "driven slider", "driven slider", "driven"),
+        BaseModel(DRIVE, "driven slider", "driven slider", "driven", collides=False),
     )
 }
+
+
+def base_model(name: str) -> BaseModel:
+    """Return the base model of this name; one that no fit knows, with the name as its words, if there is none."""
+    return BASE_MODELS.get(name) or BaseModel(name, name, name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,12 +197,12 @@ class AnalysisSettings(AnalysisChoices):
     effects: tuple[Effect, ...] = ()  # in the model
     corrections: tuple[tuple[str, float | None], ...] = ()  # of the rig's values after the shot
 
+    @property
+    def collides(self) -> bool:
+        """Get whether shots with this base model collide."""
+        return base_model(self.model).collides
+
     def written(self) -> dict[str, Any]:
         """Return the settings as files have them: effects by their keys."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return values | {"effects": [effect.key for effect in self.effects]}
-
-
-def is_drive(model: str) -> bool:
-    """Return whether a base model is that of a slider driven by a measured force, which strikes no plate."""
-    return model == DRIVE

@@ -16,7 +16,7 @@ from analysis.diagnosis.verdict.residual import errors
 from analysis.fitted import vibration_of
 from analysis.inference import Fitted, Floor, as_fit
 from analysis.shot import AnalysisError, Motion, Progress, Shot, Stop, VibrationSpectrum
-from levimass import PAPER_MODEL, is_drive
+from levimass import PAPER_MODEL, base_model
 
 
 def diagnose(
@@ -46,7 +46,7 @@ def diagnose(
     model = _model(shots) if model is None else model
     if not motions:
         raise ValueError("no shot to diagnose")
-    if is_drive(model):
+    if not base_model(model).collides:
         return diagnose_driven(motions, accepted, progress, cancelled)
     stop = cancelled or (lambda: False)
     question = DiagnosisInput(

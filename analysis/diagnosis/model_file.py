@@ -17,7 +17,7 @@ from analysis.collision import Effect, known_effect, without_nuisances
 from analysis.diagnosis.result import Diagnosis, Errors
 from analysis.drive import LAWS
 from analysis.shot import AnalysisError, Fit, Quantity
-from levimass import BASE_MODELS, is_drive
+from levimass import BASE_MODELS, base_model
 
 SCHEMA = "levimass.model/1"
 _LARGEST, _SMALLEST = 1e15, 1e-15  # in SI units: largest size of any parameter, smallest stiffness and mass
@@ -153,7 +153,7 @@ def _read_errors(data: dict[str, Any]) -> dict[str, Errors]:
 
 def effect_in_file(key: str, base: str) -> Effect | None:
     """Return the effect that a model file with this base calls ``key``; None where there is none."""
-    return LAWS.get(key) if is_drive(base) else known_effect(key)
+    return (known_effect if base_model(base).collides else LAWS.get)(key)
 
 
 def _effects(names: Sequence[str], base: str) -> dict[str, Effect]:

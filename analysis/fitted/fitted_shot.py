@@ -25,7 +25,7 @@ from analysis.shot import (
     fit_flags,
     fit_with_rate_error,
 )
-from levimass import is_drive
+from levimass import base_model
 
 PATIENCE = 2.0  # a fit is abandoned after this multiple of its time limit, because one of its steps does not end
 FAILED, FIT_TO_FOLLOW = "fit_failed", "fit_to_follow"
@@ -41,8 +41,7 @@ def fit_pending(shot: Shot) -> bool:
 
 def can_be_fitted(shot: Shot) -> bool:
     """Return whether a fit is wanted and the shot has the data that its model needs."""
-    driven = is_drive(shot.settings.model)  # a slider under a measured force has no impact
-    return shot.motion is not None and shot.settings.fit and (shot.impact is not None or driven)
+    return shot.motion is not None and shot.settings.fit and (shot.impact is not None or not shot.settings.collides)
 
 
 def with_fit_pending(shot: Shot) -> Shot:
@@ -87,7 +86,7 @@ def read_with(shot: Shot, fit: Fit) -> Shot:
 
     The shot's own fit is unchanged.  Raises Cancelled.
     """
-    if shot.impact is None or shot.motion is None or shot.fit is None or is_drive(fit.model):
+    if shot.impact is None or shot.motion is None or shot.fit is None:
         return shot
     from analysis.fitted.readings_from_fit import fitted_contact_cor, with_model_readings
 
@@ -113,7 +112,6 @@ def fit_shot(shot: Shot, effects: tuple[Effect, ...], cancelled: Callable[[], bo
     """
     if not can_be_fitted(shot):
         return shot
-    driven = is_drive(shot.settings.model)
     shot = replace(shot, settings=replace(shot.settings, effects=effects))
     assert shot.motion is not None
     try:
@@ -121,11 +119,10 @@ def fit_shot(shot: Shot, effects: tuple[Effect, ...], cancelled: Callable[[], bo
             [shot.motion], shot.settings.model, effects, cancelled, [vibration_of(shot)], shot.settings.fit_seconds
         )
         fit = fit_with_rate_error(fit, shot.motion)
-        fitted = with_fit(shot, fit)
-        return replace(fitted, problem=None) if driven else _with_pulse_from_fit(replace(fitted, fit_problem=None))
+        return _with_pulse_from_fit(replace(with_fit(shot, fit), problem=None, fit_problem=None))
     except AnalysisError as error:
         failed = unfitted(shot, str(error))
-        if driven:  # a driven slider has a fit but no readings
+        if shot.impact is None:  # a driven slider has a fit but no readings
             return replace(failed, problem=shot.problem or str(error), fit_problem=shot.fit_problem)
         return failed
 
@@ -161,7 +158,7 @@ def fit_jointly(
     left = FitTime(seconds * len(motions), cancelled)
 
     def fit() -> Fit:
-        if is_drive(base):
+        if not base_model(base).collides:
             from analysis.drive import fit_driven
 
             return fit_driven(motions, effects, left)

@@ -18,7 +18,6 @@ from analysis.collision import Collision, Event, Infeasible, solve
 from analysis.fitted.fitted_shot import PULSE, READ_FROM_MODEL
 from analysis.inference import JointData, Point, Problem, averaged_shots, base_named, trials_of
 from analysis.shot import AnalysisError, Fit, Floats, Impact, Motion, NotSeen, Quantity, Reading
-from levimass import is_drive
 
 _PERIODS = 3.0  # periods of the contact's own oscillation within which the first release is expected
 DROWNED = 0.1  # ratio of force noise to the model's peak force, above which a direct reading is mostly noise
@@ -42,8 +41,6 @@ def fitted_contact_cor(fit: Fit, block_mass_kg: float) -> Reading:
     """
     if not fit.converged:
         return NotSeen("the fit did not converge")
-    if is_drive(fit.model):
-        return NotSeen("a driven slider has no contact")
     foreign = sorted(effect.name for effect in fit.effects if effect.changes_contact)
     if foreign:
         return NotSeen(f"with {', '.join(foreign)} the first contact has no single COR of its own")
@@ -95,7 +92,7 @@ def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
     Otherwise, or if the fit is unusable, the readings are unchanged, and flagged if peak times width disagrees with the
     impulse from velocities and mass.
     """
-    if motion.wavelength_m is not None or not fit.converged or len(fit.shots) != 1 or is_drive(fit.model):
+    if motion.wavelength_m is not None or not fit.converged or len(fit.shots) != 1:
         return impact
     checked = _with_impulse_check(impact, motion.moving_mass_kg)
     try:

@@ -33,7 +33,6 @@ from app.command_line.outputs import (
 from app.report import export, export_hdf5, export_laws, export_prediction, report_of, summary
 from app.session import load_and_analyse, predicted, significant_drift, write_model
 from instrument.files import RecordingError, find_recordings, read_law, write_text_atomic
-from levimass import is_drive
 
 Result = TypeVar("Result")
 NOTHING_OPEN = "no further shot is needed: the diagnosis is unambiguous"
@@ -128,7 +127,7 @@ def _with_found(shots: Sequence[Shot], diagnosis: Diagnosis | None) -> Sequence[
     """Return the shots with the effects found in their model."""
     if diagnosis is None:
         return shots
-    if is_drive(diagnosis.fit_after.model):  # a drive's shots are refitted individually
+    if diagnosis.drive is not None:  # a drive's shots are refitted individually
         return [fit_shot(shot, diagnosis.fit_after.effects) for shot in shots]
     return read_together(shots, diagnosis.fit_after) if diagnosis.verdict is Verdict.EFFECT_FOUND else shots
 
@@ -274,7 +273,7 @@ def plan_shots(
     if diagnosis is None:
         say("nothing planned: there is no diagnosis")
         return None
-    if is_drive(diagnosis.fit_after.model):
+    if diagnosis.drive is not None:
         say("nothing planned: a drive strikes no plate, so there is no collision to plan")
         return None
 

@@ -16,7 +16,6 @@ from analysis.diagnosis import Candidate, Diagnosis
 from analysis.fitted import fit_jointly, vibration_of
 from analysis.shot import AnalysisError, Floats, Motion, Progress, Shot, Stop, VibrationSpectrum, motions_of
 from app.session.jobs import Job, JobQueues
-from levimass import is_drive
 
 MOST = 6  # most candidates fitted: effects found, then the next best
 KIND = "why"
@@ -82,7 +81,7 @@ class CandidateResiduals:
         self._motions = motions_of(shots)
         self._vibrations = [vibration_of(shot) for shot in shots if shot.motion is not None]
         self._wanted = []
-        if diagnosis is None or is_drive(diagnosis.fit_before.model) or not self._motions:
+        if diagnosis is None or diagnosis.drive is not None or not self._motions:
             return
         before = set(diagnosis.fit_before.effects)
         named = [found.effect for found in diagnosis.effects]

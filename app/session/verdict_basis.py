@@ -7,7 +7,7 @@ from typing import Any
 from analysis.collision import Effect, without_nuisances
 from analysis.diagnosis import Diagnosis, Verdict, effect_in_file
 from analysis.shot import Shot
-from levimass import is_drive
+from levimass import base_model
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +88,11 @@ class ModelEffects:
 
     def of(self, base: str) -> tuple[Effect, ...]:
         """Return the effects in the model of shots with this base model."""
-        return self.drive if is_drive(base) else self.collision
+        return self.collision if base_model(base).collides else self.drive
 
     def with_effects(self, base: str, effects: tuple[Effect, ...]) -> "ModelEffects":
         """Return a copy with other effects for shots with this base model."""
-        changed = replace(self, **{"drive" if is_drive(base) else "collision": effects})
+        changed = replace(self, **{"collision" if base_model(base).collides else "drive": effects})
         there = (*changed.collision, *changed.drive)
         return replace(changed, tried=tuple(effect for effect in self.tried if effect in there))
 

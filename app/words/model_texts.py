@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from analysis.collision import Effect
 from analysis.diagnosis import Verdict
 from analysis.shot import Role
-from levimass import BASE_MODELS
+from levimass import base_model
 
 if TYPE_CHECKING:
     from analysis.drive import Repeatability
@@ -19,7 +19,7 @@ CHANNEL_NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "l
 
 def base_words(base: str) -> str:
     """Return the name of a base model in words."""
-    return BASE_MODELS[base].words if base in BASE_MODELS else base
+    return base_model(base).words
 
 
 def model_in_words(base: str, effects: Collection[Effect], tried: Collection[Effect] = ()) -> str:

@@ -22,7 +22,7 @@ from instrument.files.recording_error import RecordingError, shown
 from instrument.files.recording_metadata import MASSES_KG, RATES_HZ
 from instrument.files.recording_search import TABLES, motion_table
 from instrument.files.text_file import CheckedTable, read_text, read_toml
-from levimass import BASE_MODELS, ONE_BODY, is_drive
+from levimass import BASE_MODELS, ONE_BODY
 
 _BASES = {base.in_record: base for base in BASE_MODELS.values() if base.in_record}
 _COLUMNS = ("time_s", "displacement_m", "velocity_m_per_s", "force_n")
@@ -30,7 +30,7 @@ _LARGEST_CSV_BYTES = 512 * 2**20
 _LARGEST = 1e12  # SI units: above any time, length, speed or force of a rig
 LENGTHS_M = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 TABLE = ".csv"  # the only extension of another program's table
-WITHOUT_FORCE = tuple(base for base in _BASES.values() if not is_drive(base.name))  # base models for positions alone
+WITHOUT_FORCE = tuple(base for base in _BASES.values() if base.bodies)  # base models for positions alone
 _MICRO = str.maketrans("\u00b5\u03bc\ufffd", "uuu")  # the last one replaces a micro sign in another encoding
 _HEAD = "How Levimass reads the table of this name. Numbers are SI; unit is that of the column."
 _LENGTH_SUFFIX = re.compile(r"_(m|mm|.m)$")

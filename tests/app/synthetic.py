@@ -10,12 +10,15 @@ from analysis.diagnosis.result import (
     BlindSpot,
     Candidate,
     Diagnosis,
+    DriveEvidence,
+    DriveRemainder,
     Errors,
     FoundEffect,
     LearnedLaw,
     OtherForm,
     Verdict,
 )
+from analysis.drive import LAWS, MassCheck, Repeatability
 from analysis.drive.driven_fit import fit_driven
 from analysis.shot.fit import Fit, Overlay, ShotFit
 from analysis.shot.impact import Impact, KineticCor
@@ -27,6 +30,13 @@ from tests.analysis.drive.slider import Drive
 
 RATE_HZ = 100e3
 TOUCH_S = 0.060
+DRIVE = DriveEvidence(
+    Repeatability(0.1, True, 4.0),
+    MassCheck(None, Quantity(0.2, 1e-3), agrees=True),
+    50.0,
+    (LAWS["drive_delay"],),
+    DriveRemainder(0.1, 0.2, 0.3, 0.4),
+)
 
 
 @lru_cache(maxsize=16)
@@ -186,6 +196,7 @@ def diagnosis(of: Shot) -> Diagnosis:
         fit_after=of.fit,
         blind_spots=(BlindSpot(effect_named("tilt"), "angle_rad", 2e-5),),
         speeds_m_per_s=(0.2,),
+        drive=None if of.fit.shots else DRIVE,
     )
 
 

@@ -14,16 +14,12 @@ import pytest
 from analysis.collision.effects import effect_named
 from analysis.diagnosis.result import (
     BlindSpot,
-    DriveEvidence,
-    DriveRemainder,
     Freedom,
     Phase,
     Remainder,
     Standing,
     Verdict,
 )
-from analysis.drive import LAWS, MassCheck, Repeatability
-from analysis.shot.quantity import Quantity
 from analysis.shot.shot import PlotNote
 from analysis.shot.version import program_version
 from app.session import result_archive, result_cache
@@ -79,15 +75,11 @@ def test_a_shot_and_a_diagnosis_come_back_whole(shot):
 
 def test_what_remains_comes_back_as_it_was(shot):
     left = Remainder(2e-9, 1e-10, ((Phase.LOADING, 3e-9),), None, 1100.0, Freedom.BEND, 13.0, (effect_named("tilt"),))
-    mass = MassCheck(None, Quantity(0.2, 1e-3), agrees=True)
-    drive = DriveEvidence(
-        Repeatability(0.1, True, 4.0), mass, 50.0, (LAWS["drive_delay"],), DriveRemainder(0.1, 0.2, 0.3, 0.4)
-    )
     found = synthetic.diagnosis(shot)
     candidates = (replace(found.candidates[0], standing=Standing.VALIDATED, number=0.5),)
-    found = replace(found, remainder=left, drive=drive, candidates=candidates)
+    found = replace(found, remainder=left, drive=synthetic.DRIVE, candidates=candidates)
     again = unpacked(io.BytesIO(packed({}, found)))
-    assert (again.remainder, again.drive, again.candidates) == (left, drive, candidates)
+    assert (again.remainder, again.drive, again.candidates) == (left, synthetic.DRIVE, candidates)
     assert again.blind_spots == found.blind_spots == (BlindSpot(effect_named("tilt"), "angle_rad", 2e-5),)
 
 

@@ -650,7 +650,7 @@ def test_a_diagnosis_without_a_residual_to_draw_leaves_no_other_sets_picture(qtb
     curves = panel.residuals.curves
     assert len(curves[0].samples) > 0 and shot.name in panel.residuals._heading.text() and shot.name in panel._of.text()
     slider = replace(found.fit_after, model="driven", shots=())
-    drive = replace(found, fit_before=slider, fit_after=slider, verdict=Verdict.UNEXPLAINED)
+    drive = replace(found, fit_before=slider, fit_after=slider, drive=synthetic.DRIVE, verdict=Verdict.UNEXPLAINED)
     panel.show_diagnosis(drive, [replace(shot, name="emps")], (LAWS["quadratic_drag"],))
     assert [len(curve.samples) for curve in curves] == [0, 0]
     assert shot.name not in panel.residuals._heading.text() and "emps" in panel._of.text()

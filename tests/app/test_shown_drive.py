@@ -92,9 +92,7 @@ def test_the_residual_of_a_force_is_drawn_before_and_after_each_in_its_unit(qtbo
     page.resize(900, 600)
     page.show()
     shot = synthetic.shot("a drive")
-    told = synthetic.diagnosis(shot)
-    driven = replace(shot.fit, model="driven")
-    page.show_diagnosis(replace(told, fit_before=driven, fit_after=driven), [shot])
+    page.show_diagnosis(replace(synthetic.diagnosis(shot), drive=synthetic.DRIVE), [shot])
     assert page._heading.text() == "RESIDUAL OF FORCE" and page.stack_in_view is page.forces
     before = replace(CURVES, modelled_n=MODELLED_N - 5.0, repeatability=Repeatability(0.1, True))
     page.show_forces(shot, before, CURVES)

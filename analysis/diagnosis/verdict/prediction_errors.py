@@ -25,7 +25,7 @@ from analysis.shot import (
     names_on_plate,
     stated_stiffness_n_per_m,
 )
-from levimass import is_drive
+from levimass import base_model
 
 Parameters = Mapping[str, Quantity]
 OWN = 3  # v_in, touch and offset: the parameters fitted to the shot itself
@@ -67,7 +67,7 @@ def evaluate_predictions(
         raise AnalysisError("no shot was fitted, so there is nothing to foretell")
     asked = stop or (lambda: False)
     base = model.base_parameters or fit_jointly(motions, model.base, (), asked).parameters
-    one = _driven if is_drive(model.base) else _collision
+    one = _collision if base_model(model.base).collides else _driven
     told = []
     for motion, name in zip(motions, names, strict=True):
         if asked():

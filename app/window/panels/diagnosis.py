@@ -25,7 +25,6 @@ from app.window.widgets import (
     vertical,
 )
 from app.words import OUTDATED, VERDICTS, cached_words, localised_text, short_name, tag
-from levimass import is_drive
 
 MAX_NAMED = 5  # most shots named
 MIN_SIDE_BY_SIDE_WIDTH = 78  # least width, in letters M, for candidates and residuals side by side
@@ -109,7 +108,7 @@ class DiagnosisPanel(QWidget):
 
     @property
     def _driven(self) -> bool:
-        return self._diagnosis is not None and is_drive(self._diagnosis.fit_after.model)
+        return self._diagnosis is not None and self._diagnosis.drive is not None
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         super().resizeEvent(event)

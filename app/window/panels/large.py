@@ -9,7 +9,6 @@ from analysis.uncertainty import Group, ResultNumber, combined_uncertainties, sh
 from app.window.theme import MARKS, Tone
 from app.window.widgets import set_tone, text_label
 from app.words import DASH, MILD_FLAGS, localised_number, number
-from levimass import is_drive
 
 MAX_DIGITS = 7  # most digits readable from a distance
 _SHOWN = [number for group in Group for number in shown_numbers(group) if number.large]
@@ -42,7 +41,7 @@ class LargePanel(QWidget):
 
     def show_shot(self, shot: Shot | None, title: str) -> None:
         """Show a shot's numbers, rounded to their combined uncertainty; a flag in doubt puts a mark at the title."""
-        self._rows = DRIVEN if shot is not None and is_drive(shot.settings.model) else COLLISION
+        self._rows = COLLISION if shot is None or shot.settings.collides else DRIVEN
         doubtful = shot is not None and any(self._casts_doubt(flag) for flag in shot.flags)
         self._title.setText((f"{MARKS[Tone.WARNING]} " if doubtful else "") + (title or "No shot yet"))
         set_tone(self._title, Tone.WARNING if doubtful else None)

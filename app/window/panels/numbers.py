@@ -35,7 +35,6 @@ from app.words import (
     tag,
     value_text,
 )
-from levimass import is_drive
 
 PAPERS_KINETIC = "cor_kinetic.force_peaks"
 WIDE = 0.2  # relative standard uncertainty above which a number is poorly determined
@@ -189,7 +188,7 @@ class NumbersPanel(Themed, QScrollArea):
         self.title.setText(self._title)
         self.title.setToolTip(self._title)
         self._combined = combined_uncertainties(shot) if shot is not None and not self.noise_only.isChecked() else {}
-        driven = shot is not None and is_drive(shot.settings.model)
+        driven = shot is not None and not shot.settings.collides
         for group, widgets in self._groups.items():
             for widget in widgets:
                 widget.setVisible((group is Group.DRIVE) == driven)

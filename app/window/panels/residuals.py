@@ -22,7 +22,6 @@ from app.window.plots.time_plot import TimePlot, TimeStack
 from app.window.theme import Colours, Themed, Tone
 from app.window.widgets import add_row, added, push_button, text_label, vertical
 from app.words import Markup, joined, lines, number, prefix_for, repeatability_words, short_name, tag
-from levimass import is_drive
 
 MAX_COMPARED_SHOTS = 4  # most shots in the comparison of two candidates
 
@@ -253,7 +252,7 @@ class Residuals(QWidget):
         """Show the residual of the first analysed shot, and the errors of all shots."""
         self._errors.setText(_errors_table(diagnosis))
         shot = next((shot for shot in shots if shot.motion is not None), None)  # also the first in the fits
-        driven = is_drive(diagnosis.fit_after.model)
+        driven = diagnosis.drive is not None
         self.stack.setVisible(not driven)
         self.forces.setVisible(driven)
         self.forces.forget()

@@ -17,7 +17,6 @@ from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, LineStyl
 from app.window.plots.plot_view import PlotView
 from app.window.widgets import FlowLayout, keep_place, push_button, text_label, vertical
 from app.words import lines, tag
-from levimass import is_drive
 
 VIEWS = (
     ("whole", "Whole shot", "1", "Velocity, force and residual of the whole shot"),
@@ -144,7 +143,7 @@ class ShotPanel(QWidget):
         self._of = words or (shot.name if shot is not None else "")
         for plot in self.plots:
             plot.set_shots((), "")
-        self._driven = shot is not None and is_drive(shot.settings.model)
+        self._driven = shot is not None and not shot.settings.collides
         self._name_views()
         self.raw.show_recording(recording, 0.0 if shot is None else time_zero(shot)[0])
         if shot is None or shot.motion is None:

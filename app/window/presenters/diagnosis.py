@@ -14,7 +14,7 @@ from app.session import PLAN, Diagnosed, Entry, NextShots, OwnLaws, ShotJob, Wor
 from app.window.layout import Layout
 from app.window.theme import Tone
 from instrument.files import RecordingError
-from levimass import PAPER_MODEL, is_drive
+from levimass import PAPER_MODEL
 
 Forces = tuple[Diagnosis, DriveCurves, DriveCurves]  # a drive's diagnosis, and its curves before and after it
 
@@ -61,7 +61,7 @@ class DiagnosisPresenter(QObject):
             return
         shots = self._shots_of(found)
         self._panels.diagnosis.show_diagnosis(found.diagnosis, shots, effects, found.version, holds)
-        if is_drive(found.diagnosis.fit_after.model):
+        if found.diagnosis.drive is not None:
             self._compute_forces(found)
 
     def _show_progress(self) -> None:

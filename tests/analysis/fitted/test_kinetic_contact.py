@@ -121,7 +121,7 @@ def test_a_model_without_contact_states_why() -> None:
     fit = fit_of(PAPER, np.eye(4))
     for other, word in (
         (replace(fit, converged=False), "converge"),
-        (replace(fit, model="driven", parameters={}), "slider"),
+        (replace(fit, model="driven", parameters={}), "no base model 'driven'"),
         (replace(fit, effects=(effect_named("adhesion"),)), "adhesion"),
         (replace(fit, covariance=np.full((4, 4), np.nan)), "determine"),
     ):

@@ -175,7 +175,7 @@ def test_a_force_drowned_to_a_tenth_of_its_peak_is_read_from_the_model(
     for unfit, of in (
         (replace(fit, converged=False), noisy),
         (replace(fit, shots=fit.shots * 2), noisy),
-        (replace(fit, model="driven"), noisy),
+        (replace(fit, model="driven", shots=()), noisy),
         (fit, replace(noisy, wavelength_m=633e-9)),
     ):
         assert with_model_readings(shot.impact, unfit, of) is shot.impact

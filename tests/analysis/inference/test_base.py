@@ -10,6 +10,7 @@ import pytest
 from analysis.collision.parameters import PAPER, Infeasible, Variant
 from analysis.inference.fit import base as module
 from analysis.inference.fit.base import OneBodyOnContact, TwoBodies, base_named, named_on_plate, start_from_fit
+from levimass import BASE_MODELS, base_model
 
 SHARED = np.array([200.0, 2e-4, 1e4, 0.4, 300.0, 3e-4, 400.0, 4e-4])
 THREE = TwoBodies(Variant.CLAMPED, plates=3)
@@ -54,6 +55,8 @@ def test_a_base_model_has_a_name() -> None:
     for name in ("x", "driven"):
         with pytest.raises(ValueError, match=f"no base model '{name}'; there are paper, clamped, no_tension, contact$"):
             base_named(name)
+    assert list(module._BASES) == [name for name in BASE_MODELS if base_model(name).collides]
+    assert base_model("x").words == "x" and base_model("x").collides
     assert base_named("contact").on_plates(3) == ALONE and base_named("clamped").on_plates(3) == THREE
 
 

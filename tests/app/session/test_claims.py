@@ -137,7 +137,7 @@ def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
     why.show(None, [])
     assert why.found == {} and not why.refresh()
     drive = synthetic.driven_shot()
-    why.show(replace(one, fit_before=drive.fit), [drive])
+    why.show(synthetic.diagnosis(drive), [drive])
     assert not why.waiting
     work.close()
 

@@ -75,7 +75,7 @@ LAYERS = {  # a package imports from those before it alone; what lies in none co
         "uncertainty",
         "paper",
     ),
-    "instrument": ("trigger", "files", "devices", "bench", "process", "live", "capture"),
+    "instrument": ("background", "trigger", "files", "devices", "bench", "process", "live", "capture"),
     "app": ("words", "report", "session", "window", "command_line"),
 }
 

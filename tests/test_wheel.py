@@ -20,7 +20,7 @@ def everything():
         if not module.name.startswith("levimass.app.window."):
             importlib.import_module(module.name)
     from levimass.analysis.compiled import kernel_cache
-    from levimass.instrument.process.child import lower_priority
+    from levimass.instrument.background import lower_priority
     from levimass.instrument.devices.device_search import udev_rule_path
     from levimass.instrument.devices.sources import SOURCES, import_function
     assert all(callable(import_function(source.opener)) for source in SOURCES)

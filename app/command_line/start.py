@@ -3,7 +3,6 @@
 import sys
 import tempfile
 import threading
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from app.command_line.cli import window
@@ -29,12 +28,13 @@ def headless_shot() -> int:
     from app.report import fit_lines, summary
     from app.session import Stage, prepare_first_shot
     from app.words import by_severity, flag_words
+    from instrument.background import beside
     from instrument.bench import simulate
     from instrument.files import open_recording
 
     ready = {stage: threading.Event() for stage in (Stage.READINGS, Stage.FIT)}
-    with ThreadPoolExecutor(1) as executor, tempfile.TemporaryDirectory(prefix="levimass-") as folder:
-        executor.submit(prepare_first_shot, progress_lines(), lambda stage: ready[stage].set())
+    compiling = beside("kernels", lambda _, __: prepare_first_shot(progress_lines(), lambda stage: ready[stage].set()))
+    with compiling, tempfile.TemporaryDirectory(prefix="levimass-") as folder:
         ready[Stage.READINGS].wait()
         (path,) = simulate(Path(folder), 1, site=site_named(USUAL_SITE))
         shot = read(open_recording(path))

@@ -6,24 +6,21 @@ those of its fit, then all others.  Later starts load the kernels from disk.
 
 import contextlib
 import gc
-import multiprocessing
 import os
 import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
-from multiprocessing.context import SpawnProcess
 from typing import TYPE_CHECKING
 
 from analysis.compiled import cache_folder, whole_program
 from analysis.shot import Cancelled, Progress, Stop
 from app.session import warm_up
 from app.session.warm_up import readings
-from instrument.process import lower_priority
+from instrument.background import WorkerProcess, beside, lower_priority
 
 if TYPE_CHECKING:
     from instrument.process import SubprocessWorker  # slow to import, which each compiling process would repeat
@@ -90,7 +87,7 @@ def prepare(
     ``ready`` is called with each stage reached.  Raises Cancelled after ending all processes.
     """
     width = at_once or os.cpu_count() or 1
-    waiting, running, succeeded = list(pieces), dict[Piece, SpawnProcess](), True
+    waiting, running, succeeded = list(pieces), dict[Piece, WorkerProcess](), True
     stages = list(dict.fromkeys(piece.stage for piece in pieces))
     try:
         while waiting or running:
@@ -108,7 +105,7 @@ def prepare(
                 time.sleep(_LOOK_S)
     finally:
         for process in running.values():
-            process.kill()
+            process.end(0.0)
     return succeeded
 
 
@@ -132,27 +129,21 @@ def _mark(stage: Stage) -> str:
         return ""
 
 
-def _start_next(waiting: list[Piece], running: dict[Piece, SpawnProcess], width: int) -> None:
+def _start_next(waiting: list[Piece], running: dict[Piece, WorkerProcess], width: int) -> None:
     """Start the waiting pieces whose turn it is, up to ``width`` at once."""
     for piece in list(waiting):
         if len(running) < width and piece.after not in {other.name for other in (*waiting, *running)}:
             waiting.remove(piece)
-            running[piece] = _started(piece)
+            running[piece] = WorkerProcess(piece.name, _compile, piece)
 
 
-def _remove_ended(running: dict[Piece, SpawnProcess]) -> bool:
+def _remove_ended(running: dict[Piece, WorkerProcess]) -> bool:
     """Remove the processes that have ended; return whether all of them succeeded."""
-    ended = [piece for piece, process in running.items() if not process.is_alive()]
-    return all([running.pop(piece).exitcode == 0 for piece in ended])  # a list, so that all are removed
+    ended = [piece for piece, process in running.items() if process.exit_code is not None]
+    return all([running.pop(piece).exit_code == 0 for piece in ended])  # a list, so that all are removed
 
 
-def _started(piece: Piece) -> SpawnProcess:
-    process = multiprocessing.get_context("spawn").Process(target=_compile, args=(piece,), daemon=True)
-    process.start()
-    return process
-
-
-def _compile(piece: Piece) -> None:
+def _compile(piece: Piece, _: object, __: object) -> None:
     lower_priority(5 if piece.stage is Stage.READINGS else 19)  # below capture and window; the readings come first
     try:
         piece.work()
@@ -178,14 +169,13 @@ class Kernels:
     def work(self, report: Progress, cancelled: Stop) -> None:
         """Prepare the kernels, as a job.  If a process fails, its kernels are compiled on first use."""
         try:
-            with ThreadPoolExecutor(1, "levimass kernels") as executor:
-                loading = executor.submit(self._load, cancelled)
+            with beside("kernels", lambda _, __: self._load(cancelled)) as loading:
                 if complete(Stage.FIT):
                     self._reached(Stage.FIT)
                 if not complete():
                     cores = max(1, (os.cpu_count() or 1) - 1)  # one core is left for the readings' kernels
                     prepare(partial(self._report_progress, report), cancelled, self._reached, cores, BACKGROUND_PIECES)
-                loading.result()
+                loading.wait()
         finally:
             # loaded objects are permanent; scanning them in a garbage collection would stop all threads for 0.1 s
             gc.freeze()

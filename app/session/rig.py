@@ -1,20 +1,20 @@
 """The window's access to the digitizer: one source at a time, opened and closed in a separate thread."""
 
 import contextlib
-import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import count
 from pathlib import Path
-from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
 from analysis.pipeline import read
-from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Recording, Shot
+from analysis.shot import AnalysisSettings, Cancelled, Channel, Progress, Recording, Shot, Stop
 from app.session.jobs import pop_all
 from app.session.kernels import Stage
+from instrument.background import Task, Work, WorkerThread
 from instrument.capture import (
     CAN_ARM,
     Acquisition,
@@ -46,6 +46,7 @@ Open = Callable[[str], Digitizer]
 AwaitKernels = Callable[[Stage, Callable[[], bool]], None]  # returns once the kernels are ready, or raises Cancelled
 Change = Callable[[CaptureOptions], CaptureOptions]
 BENCH = "bench"
+CLOSE_S = 40.0  # longest wait for the end of a capture
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +82,6 @@ class Rig:
         self._deadlines, self._open, self._clock = deadlines or Deadlines(), open_digitizer, clock
         self._analyst = analyst
         self._running: _OpenSource | None = None
-        # sources to open, each with the change of options for a planned shot; None: end
-        self._requests: SimpleQueue[tuple[str, Change | None] | None] = SimpleQueue()
         self._fault: tuple[str, str] | None = None
         self._since_s = clock()
         self._numbers = count(1)  # of the shots, over all sources
@@ -90,11 +89,12 @@ class Rig:
         self._problems: deque[str] = deque()
         self._found: tuple[tuple[str, str], ...] = ()
         self._network: tuple[str, ...] = ()
-        self._thread = threading.Thread(target=self._work, name="levimass source", daemon=True)
-        self.source = source
         self.rearm = False
         self._planned: Change | None = None
-        self._requests.put((source, None))
+        self._thread = WorkerThread[Task]("source")
+        self._thread.add(Task("looking for devices", lambda _, __: self._find_devices()))
+        self._opening: Task | None = None
+        self.open(source)
         self._thread.start()
 
     # commands of the operator ---------------------------------------------------------------------------------------
@@ -105,7 +105,7 @@ class Rig:
         For a ``planned`` shot it is armed at once, with options changed until the next call.
         """
         self.source = source
-        self._requests.put((source, planned))
+        self._request(f"opening {source}", partial(self._open_source, source, planned))
 
     def sources(self) -> list[tuple[str, str]]:
         """Return (name, words) of each source: bench, found devices, known network addresses, replay of a recording."""
@@ -132,7 +132,7 @@ class Rig:
     def abort(self) -> None:
         if self._running is not None:
             self._running.capture.abort()
-        elif self._requests.empty():
+        elif not self._thread.queued:
             self._fault = None
 
     def trigger_now(self) -> None:
@@ -228,24 +228,19 @@ class Rig:
 
     def close(self) -> bool:
         """End all threads, including the capture's; return whether they ended."""
-        self._requests.put(None)
-        self._thread.join(40.0)
+        self._request("closing the source", lambda _, __: self._close_running())
+        ended = self._thread.close(CLOSE_S, finish=True)
         if self._analyst is not None:
             self._analyst.close()
-        return not self._thread.is_alive()
+        return ended
+
+    def _request(self, name: str, work: Work) -> None:
+        """Queue an opening or the closing in place of one that has not begun."""
+        if self._opening is not None:
+            self._opening.cancel()
+        self._opening = self._thread.add(Task(name, work))
 
     # run in the thread -------------------------------------------------------------------------------------------
-
-    def _work(self) -> None:
-        self._find_devices()
-        while True:
-            order = self._requests.get()
-            if not self._requests.empty():
-                continue  # a newer request is queued
-            self._close_running()
-            if order is None:
-                return
-            self._open_source(*order)
 
     def _find_devices(self) -> None:
         try:
@@ -259,9 +254,10 @@ class Rig:
         if running is not None and not running.capture.close() and running.capture.digitizer_held:
             self._problems.append(f"{running.source} did not close in time; unplug it and plug it in again before use")
 
-    def _open_source(self, source: str, planned: Change | None) -> None:
+    def _open_source(self, source: str, planned: Change | None, _: Progress, cancelled: Stop) -> None:
         from instrument.capture import Capture  # slow to import
 
+        self._close_running()
         self._fault, self._planned = None, planned
         try:
             digitizer = self._open(source)
@@ -285,7 +281,7 @@ class Rig:
         settings: CaptureSettings | None = options.settings or digitizer.default_settings()
         rate = settings.sample_rate_hz if settings is not None else None
         self._running = _OpenSource(source, digitizer, capture, able.channels, able.bits, rate)
-        if planned is not None and self._requests.empty():
+        if planned is not None and not cancelled():  # no newer request came meanwhile
             self.arm()
 
     def _chosen(self, source: str, digitizer: Digitizer) -> CaptureOptions:

@@ -1,14 +1,12 @@
 """The thread that analyses shots, behind a bounded queue, so that a slow analysis never delays a capture."""
 
-import contextlib
-import queue
-import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
 from analysis.fitted import fit_pending
 from analysis.shot import AnalysisError, Cancelled, Progress, Recording, Shot, Stop
+from instrument.background import Task, WorkerThread, raise_in_thread
 from instrument.files import one_line
 
 Analyse = Callable[[Recording, Progress, Stop], Shot]  # (recording, progress, cancelled?) -> shot
@@ -45,79 +43,67 @@ class AnalysisThread:
     def __init__(self, analysis: ShotAnalysis, done: Done) -> None:
         self._analysis = analysis
         self._done = done
-        self._waiting: queue.Queue[tuple[int, Recording] | None] = queue.Queue(analysis.queue_length)
-        self._cancelled = threading.Event()
-        self._closing = False
-        self._thread = threading.Thread(target=self._run, name="levimass analysis", daemon=True)
-        self.start = self._thread.start
-        self.doing: tuple[str, float] | None = None  # what is in progress and its share done
+        self._worker = WorkerThread[Task]("analysis", partial(_hand_over, done))
+        self.start, self.close = self._worker.start, self._worker.close
         self.steps = 0  # how often progress was reported
+
+    @property
+    def doing(self) -> tuple[str, float] | None:
+        """Get what is in progress and its share done."""
+        task = self._worker.current
+        return None if task is None else (task.what or task.name, task.fraction)
 
     def submit(self, key: int, recording: Recording) -> bool:
         """Queue a recording; return False at once if the queue is full."""
-        try:
-            self._waiting.put_nowait((key, recording))
-        except queue.Full:
+        if self._worker.queued >= self._analysis.queue_length:
             return False
+        self._worker.add(Task("analysing", partial(self._analyse, key, [recording])))
         return True
 
     def cancel(self) -> None:
         """Stop the analysis under way at its next check; the queued ones follow."""
-        if self.doing is not None:
-            self._cancelled.set()
+        task = self._worker.current
+        if task is not None:
+            task.cancel()
 
-    def close(self, timeout_s: float) -> bool:
-        """Cancel everything and end the thread.  Returns whether it ended."""
-        self._closing = True
-        while True:
-            try:
-                self._waiting.put_nowait(None)
-                break
-            except queue.Full:
-                with contextlib.suppress(queue.Empty):
-                    self._waiting.get_nowait()
-        if self._thread.is_alive():
-            self._thread.join(timeout_s)
-        return not self._thread.is_alive()
-
-    def _run(self) -> None:
-        while (item := self._waiting.get()) is not None:
-            if self._closing:
-                continue
-            key, recording = item
-            self._cancelled.clear()
-            self.doing = ("analysing", 0.0)  # from here on it can be cancelled
-            shot, problem, _ = self._attempt(partial(self._analysis.analyse, recording))
-            del recording, item  # the file closes with the last reference to its recording
-            if shot is not None and fit_pending(shot):
-                self._done(key, shot, problem)
-                shot = self._fitted(shot)
-            self.doing = None
-            self._done(key, shot, problem)
-
-    def _fitted(self, shot: Shot) -> Shot:
-        fitted, why, stopped = self._attempt(partial(self._analysis.fit, shot))
-        if fitted is not None:
-            return fitted
-        from analysis.fitted import unfitted  # imported late, as in fit_here
-
-        return unfitted(shot, why or "the fit failed", stopped=stopped)
-
-    def _attempt(self, step: Callable[[Progress, Stop], Shot]) -> tuple[Shot | None, str | None, bool]:
-        """Run one step of an analysis; return (shot, one line on why it failed, whether it was stopped)."""
+    def _analyse(
+        self, key: int, held: list[Recording], report: Progress, cancelled: Stop
+    ) -> tuple[int, Shot | None, str | None]:
+        """Return the arguments of the last ``done``; ``held`` is emptied: a file closes with its last reference."""
 
         def progress(what: str, share: float) -> None:
-            self.doing = (what, share)
+            report(what, share)
             self.steps += 1
 
-        def cancelled() -> bool:
-            return self._closing or self._cancelled.is_set()
+        shot, problem, _ = _attempt(partial(self._analysis.analyse, held.pop(), progress, cancelled))
+        if shot is not None and fit_pending(shot):
+            self._done(key, shot, problem)
+            shot = _fitted_or_not(shot, partial(self._analysis.fit, shot, progress, cancelled))
+        return key, shot, problem
 
-        try:
-            return step(progress, cancelled), None, False
-        except Cancelled:
-            return None, "the analysis was stopped", True
-        except AnalysisError as error:
-            return None, one_line(str(error)), False
-        except Exception as error:  # a shot that crashes the analysis must not end the session
-            return None, f"the analysis failed: {one_line(repr(error))}", False
+
+def _hand_over(done: Done, task: Task) -> None:
+    if task.result is not None:  # else it was cancelled before it began
+        done(*task.result)
+    raise_in_thread(task)
+
+
+def _fitted_or_not(shot: Shot, fit: Callable[[], Shot]) -> Shot:
+    fitted, why, stopped = _attempt(fit)
+    if fitted is not None:
+        return fitted
+    from analysis.fitted import unfitted  # imported late, as in fit_here
+
+    return unfitted(shot, why or "the fit failed", stopped=stopped)
+
+
+def _attempt(step: Callable[[], Shot]) -> tuple[Shot | None, str | None, bool]:
+    """Run one step of an analysis; return (shot, one line on why it failed, whether it was stopped)."""
+    try:
+        return step(), None, False
+    except Cancelled:
+        return None, "the analysis was stopped", True
+    except AnalysisError as error:
+        return None, one_line(str(error)), False
+    except Exception as error:  # a shot that crashes the analysis must not end the session
+        return None, f"the analysis failed: {one_line(repr(error))}", False

@@ -67,7 +67,7 @@ class Capture:
         self._capture.recorder.start()
         for part in self._others:
             part.start()
-        self._capture.thread.start()
+        self._capture.start()
 
     def arm(self, *, automatic: bool = False) -> None:
         """Arm: wait for the light switch; ``automatic``: re-arm after every shot until aborted."""
@@ -133,19 +133,17 @@ class Capture:
         capture = self._capture
         capture.closing = True
         self._digitizer.stop()  # makes a read under way return
-        if capture.thread.is_alive():
-            capture.thread.join(timeout_s)
-        ended = not capture.thread.is_alive()
+        ended = capture.thread.close(timeout_s)
         self.digitizer_held = capture.prepared and not ended
         if not ended and capture.shot is not None and not capture.shot.complete:
             capture.shot.finish("the digitizer did not answer")
         ended &= capture.recorder.close(timeout_s)
         for part in self._others:
             ended &= part.close(timeout_s)
-        if not capture.thread.is_alive():
+        if not capture.thread.alive:
             capture.take_orders()  # the recorder's last report
             capture.release_folder()
-        if not (capture.thread.is_alive() and capture.touched):
+        if not (capture.thread.alive and capture.touched):
             self._digitizer.close()
         return ended
 
@@ -161,7 +159,7 @@ class Capture:
         capture = self._capture
         streaming = stream is not None and stream.ring.total > stream.start and not capture.run.starting
         limit_s = _NO_ANSWER_S if streaming and not capture.run.simulated else _NO_START_S
-        return capture.thread.is_alive() and self._clock() - (capture.alive_s or self._clock()) > limit_s
+        return capture.thread.alive and self._clock() - (capture.alive_s or self._clock()) > limit_s
 
     def _signal(self, stream: Stream | None, folder: Path) -> SignalLine:
         run, live = self._capture.run, self._live

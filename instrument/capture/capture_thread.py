@@ -1,7 +1,6 @@
 """The thread that reads the digitizer, finds the trigger and cuts shots from the stream; it never waits for a disk."""
 
 import queue
-import threading
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 from itertools import count
@@ -11,6 +10,7 @@ import numpy as np
 
 from analysis.fitted import fit_pending
 from analysis.shot import Gap
+from instrument.background import Task, WorkerThread
 from instrument.capture.acquisition import Acquisition, Action, Event, State
 from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.captured_shots import CapturedShots
@@ -58,7 +58,11 @@ class CaptureThread:
         self._lock: FolderLock | None = None
         self._progress: tuple[int | None, ...] = ()  # samples of the shot received and written, steps of the analysis
         self._awaited: int | None = None  # number of the shot whose analysis will end the state ANALYSING
-        self.thread = threading.Thread(target=self._main, name="levimass capture", daemon=True)
+        self.thread = WorkerThread[Task]("capture")
+
+    def start(self) -> None:
+        self.thread.add(Task("capture", lambda _, __: self._main()))
+        self.thread.start()
 
     def take_orders(self) -> None:
         """Carry out all queued orders; called by the thread itself, and once more after its end."""

@@ -1,17 +1,18 @@
 """A shot while its samples arrive, and the thread that writes them to disk at the same time."""
 
-import queue
 import re
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.shot import DELIVERED_KEY, RATE_CONTRADICTED, Channel, Gap, Recording, Role, Setup
+from analysis.shot import DELIVERED_KEY, RATE_CONTRADICTED, Channel, Gap, Progress, Recording, Role, Setup, Stop
+from instrument.background import Task, WorkerThread
 from instrument.devices import CaptureSettings
 from instrument.files import (
     ENDED_EARLY,
@@ -137,28 +138,23 @@ class Recorder:
 
     def __init__(self, done: Callable[[Recorded], None]) -> None:
         self._done = done
-        self._waiting: queue.SimpleQueue[tuple[GrowingShot, Path] | None] = queue.SimpleQueue()
         self._numbers: dict[Path, int] = {}  # number of the last shot in each folder
-        self._thread = threading.Thread(target=self._run, name="levimass recorder", daemon=True)
-        self.start = self._thread.start
+        self._worker = WorkerThread[Task]("recorder")
+        self.start = self._worker.start
         self._ended = 0  # shots saved, or kept in memory
 
     def begin(self, shot: GrowingShot, folder: Path) -> None:
         """Save ``shot`` under the next free name in ``folder`` as it grows."""
-        self._waiting.put((shot, folder))
+        self._worker.add(Task("saving", partial(self._record, shot, folder)))
 
     def close(self, timeout_s: float) -> bool:
         """Save the queued shots, all of which must be complete, and end the thread.  Returns whether it ended."""
-        self._waiting.put(None)
-        if self._thread.is_alive():
-            self._thread.join(timeout_s)
-        return not self._thread.is_alive()
+        return self._worker.close(timeout_s, finish=True)
 
-    def _run(self) -> None:
-        while (item := self._waiting.get()) is not None:
-            recorded = self._save(*item)
-            self._ended += 1
-            self._done(recorded)
+    def _record(self, shot: GrowingShot, folder: Path, _: Progress, __: Stop) -> None:
+        recorded = self._save(shot, folder)
+        self._ended += 1
+        self._done(recorded)
 
     def _save(self, shot: GrowingShot, folder: Path) -> Recorded:
         writer: RecordingWriter | None = None

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from instrument.background import start_thread
 from instrument.devices.digitizer import DigitizerError
 
 IN_FLIGHT_BYTES = 12 << 20  # Linux allows 16 MiB in total for all programs
@@ -141,8 +142,7 @@ class BulkStream:
                 error = self._error or DigitizerError(f"{self._name}: no USB transfer could be queued", "re-plug it")
                 self._free()
                 raise error
-        self._thread = threading.Thread(target=self._serve, name=f"usb {self._name}", daemon=True)
-        self._thread.start()
+        self._thread = start_thread(f"usb {self._name}", self._serve)
 
     def take(self, timeout_s: float) -> Chunk | None:
         """Return the oldest chunk, None after ``timeout_s``; raise a fault after all received chunks are taken."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import Role, Setup
+from instrument.background import start_thread
 from instrument.devices.digitizer import Block, CaptureSettings, Digitizer, DigitizerError
 from instrument.devices.source_options import assumed_rig
 
@@ -106,8 +107,7 @@ class TriggeredDigitizer(Digitizer, Generic[Input]):
         self._blocks = queue.SimpleQueue()
         self._piece = None
         self._armed = True
-        self._worker = threading.Thread(target=self._work, args=(settings, self._blocks), name="shot", daemon=True)
-        self._worker.start()
+        self._worker = start_thread("shot", self._work, settings, self._blocks)
 
     def _work(self, settings: CaptureSettings, out: Pieces) -> None:
         try:

@@ -8,9 +8,7 @@ memory-mapped: if another program truncates a mapped file, the next access ends 
 
 import hashlib
 import os
-import threading
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import DELIVERED_KEY, RATE_CONTRADICTED, Recording, Role, Shot
+from instrument.background import beside
 from instrument.files.foreign_file import find_mapping, format_of, read_mapping
 from instrument.files.recording_error import FileNotReached, RecordingError, system_message
 from instrument.files.recording_metadata import Metadata, read_metadata
@@ -208,15 +207,9 @@ def analyse_and_check_hash(path: Path | str, analyse: Callable[[Recording], Shot
     recording, sha512 = read_without_hash(path)
     if sha512 is None:
         return analyse(recording)
-    cancelled = threading.Event()
-    with ThreadPoolExecutor(1, "levimass hash") as executor:
-        unaltered = executor.submit(hash_matches, recording, sha512, cancelled.is_set)
-        try:
-            shot = analyse(recording)
-        except BaseException:
-            cancelled.set()
-            raise
-        return shot if unaltered.result() else replace(shot, flags=(*shot.flags, ALTERED))
+    with beside("hash", lambda _, cancelled: hash_matches(recording, sha512, cancelled)) as comparison:
+        shot = analyse(recording)
+        return shot if comparison.wait() else replace(shot, flags=(*shot.flags, ALTERED))
 
 
 def _foreign(path: Path) -> Recording | None:

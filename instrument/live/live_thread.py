@@ -1,7 +1,6 @@
 """The thread that demodulates the running stream for the screen, checks its signals, and measures the site at rest."""
 
 import contextlib
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,6 +11,7 @@ import numpy as np
 from analysis.reading import MIN_S, PlannedShot, SiteFloor, read_site
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, AnalysisError, Role, Setup
 from analysis.signal import LiveChunk, LiveDemodulator
+from instrument.background import Task, WorkerThread
 from instrument.devices import CaptureSettings
 from instrument.files import disk_free_bytes, one_line
 from instrument.live.live_view import ChannelSignal, LiveWindow, empty_view
@@ -39,9 +39,9 @@ class LiveThread:
     def __init__(self, stream: Callable[[], Stream | None], folder: Callable[[], Path]) -> None:
         self._newest = stream
         self._folder = folder
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="levimass live", daemon=True)
-        self.start = self._thread.start
+        self._worker = WorkerThread[Task]("live")
+        self._ending = self._worker.closing
+        self.close = self._worker.close
         self._window = LiveWindow(round(WINDOW_S * OUTPUT_HZ))
         self._stream: Stream | None = None
         self._demodulator: LiveDemodulator | None = None
@@ -59,12 +59,9 @@ class LiveThread:
         self.channels: tuple[ChannelSignal, ...] = ()
         self.disk_free_bytes: int | None = None
 
-    def close(self, timeout_s: float) -> bool:
-        """End the thread.  Returns whether it ended."""
-        self._ending.set()
-        if self._thread.is_alive():
-            self._thread.join(timeout_s)
-        return not self._thread.is_alive()
+    def start(self) -> None:
+        self._worker.add(Task("live", lambda _, __: self._run()))
+        self._worker.start()
 
     def _run(self) -> None:
         while not self._ending.is_set():

@@ -1,4 +1,3 @@
-from .child import lower_priority
 from .subprocess_digitizer import SIMULATED_ANSWER_S, open_in_subprocess
 from .subprocess_worker import SubprocessAnalysis, SubprocessWorker
 
@@ -6,6 +5,5 @@ __all__ = [
     "SIMULATED_ANSWER_S",
     "SubprocessAnalysis",
     "SubprocessWorker",
-    "lower_priority",
     "open_in_subprocess",
 ]

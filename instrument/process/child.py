@@ -7,16 +7,16 @@ import contextlib
 import gc
 import os
 import queue
-import signal
 import sys
 import threading
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 from analysis.shot import Setup
+from instrument.background import lower_priority, start_thread
 from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples
 from instrument.files import one_line
 from instrument.process.shared_ring import SharedRing
@@ -27,7 +27,6 @@ STARTED, OPENED = range(2)  # serial numbers of the two answers without an order
 READ_TIMEOUT_S = 0.05
 _END_S = 3.0  # a driver that blocks for longer after the parent's end is abandoned
 _RING_FULL_S = 0.002
-_BELOW_NORMAL = 0x4000  # BELOW_NORMAL_PRIORITY_CLASS of SetPriorityClass
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +76,6 @@ MAX_BLOCKS = MAX_BLOCKS_LINUX if sys.platform == "linux" else MAX_BLOCKS_ELSEWHE
 
 def serve(opener: Opener, orders: Connection, answers: Connection) -> None:
     """Open the digitizer and serve it until ``close`` or the parent's end; the main function of the process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C reaches all processes of the group: the parent handles it
     with contextlib.suppress(ConnectionError):
         answers.send(Answer(STARTED, None))
     try:
@@ -106,7 +104,7 @@ class _Child:
         self._length: int  # of a block, from the arming on
 
     def work(self) -> None:
-        threading.Thread(target=self._receive_orders, daemon=True).start()
+        start_thread("orders", self._receive_orders)
         status = 0
         try:
             device = self._device_state()
@@ -215,9 +213,7 @@ class _Child:
 
     def _device_state(self) -> DeviceState | DigitizerError:
         try:
-            setup = self._digitizer.setup
-            picklable = replace(setup, extra=dict(setup.extra))  # a mapping proxy cannot be pickled
-            return DeviceState(self._digitizer.capabilities, picklable)
+            return DeviceState(self._digitizer.capabilities, self._digitizer.setup)
         except Exception as error:
             return _fault_of(error)
 
@@ -226,16 +222,3 @@ def _fault_of(error: Exception) -> DigitizerError:
     if isinstance(error, DigitizerError):
         return error
     return DigitizerError(f"unexpected: {one_line(repr(error))}", "arm again; report this if it happens again")
-
-
-def lower_priority(steps: int) -> None:
-    """Lower this process' priority by ``steps`` (Windows: to below normal); on Linux also its scheduling class."""
-    if sys.platform == "win32":
-        import ctypes
-
-        kernel = ctypes.windll.kernel32
-        kernel.SetPriorityClass(ctypes.c_void_p(kernel.GetCurrentProcess()), _BELOW_NORMAL)
-    else:
-        os.nice(steps)
-    if sys.platform == "linux":
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))

@@ -1,10 +1,10 @@
 """The parent's end of a device's process: starts it, sends orders, receives answers and blocks, notices its end."""
 
-import multiprocessing
 import threading
 import time
 from collections.abc import Callable
 
+from instrument.background import ProcessEnded, WorkerProcess
 from instrument.devices import CaptureSettings, DigitizerError
 from instrument.process.child import OPENED, STARTED, Answer, BlockReady, DeviceState, Opener, Order, serve
 
@@ -26,28 +26,24 @@ class DeviceProcess:
 
         ``give_up`` as in ``request``.  Raises DigitizerError.
         """
-        context = multiprocessing.get_context("spawn")
-        pipes = (context.Pipe(duplex=False) for _ in range(2))
-        (child_orders, self._orders), (self._answers, child_answers) = pipes
-        ends = opener, child_orders, child_answers
-        self._process = context.Process(target=serve, args=ends, name="levimass digitizer")
-        self._process.daemon = True
-        self._sending = threading.Lock()
+        self._sending = threading.Lock()  # orders are sent in the order of their numbers
         self._serial = OPENED
         self._device: DeviceState | DigitizerError | None = None
-        self.over = False
         try:
-            self._process.start()
+            self._process = WorkerProcess("digitizer", serve, opener)
         except (OSError, ValueError) as error:
             raise DigitizerError(f"the digitizer's process did not start: {error}", "close other programs") from error
-        child_orders.close()  # now only the child holds these ends, so its end closes the pipe
-        child_answers.close()
         try:
             self._wait_for(STARTED, START_S, give_up, None)
             self._wait_for(OPENED, open_s, give_up, None)
         except DigitizerError:
             self.end()
             raise
+
+    @property
+    def over(self) -> bool:
+        """Get whether the child has been ended."""
+        return self._process.over
 
     @property
     def device(self) -> DeviceState:
@@ -61,12 +57,10 @@ class DeviceProcess:
     def send(self, kind: str, settings: CaptureSettings | None = None, ring: tuple[str, int, int] | None = None) -> int:
         """Send an order and return its serial number; from any thread."""
         with self._sending:
-            if self.over:
-                raise DigitizerError("the digitizer's process is gone", _REMEDY)
             self._serial += 1
             try:
-                self._orders.send(Order(kind, self._serial, settings, ring))
-            except OSError as error:
+                self._process.send(Order(kind, self._serial, settings, ring))
+            except ProcessEnded as error:
                 raise DigitizerError("the digitizer's process is gone", _REMEDY) from error
             return self._serial
 
@@ -91,32 +85,16 @@ class DeviceProcess:
         if self.over:
             raise DigitizerError("the digitizer's process is gone", _REMEDY)
         try:
-            if not self._answers.poll(timeout_s):
-                return None
-            message: Answer | BlockReady = self._answers.recv()
-        except (EOFError, OSError):
-            code = self.end(1.0)
-            how = f"killed by signal {-code}" if code is not None and code < 0 else f"status {code}"
+            message: Answer | BlockReady | None = self._process.receive(timeout_s)
+        except ProcessEnded as how:
             raise DigitizerError(f"the digitizer's process ended by itself ({how})", _REMEDY) from None
-        self._device = message.device or self._device
+        if message is not None:
+            self._device = message.device or self._device
         return message
 
-    def end(self, patience_s: float | None = None) -> int | None:
-        """End the child, by force after ``patience_s``, and return its exit code; harmless when it has ended."""
-        if self.over:
-            return None
-        patience_s = END_S if patience_s is None else patience_s
-        with self._sending:
-            self.over = True
-        self._process.join(patience_s)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join(END_S)
-        code = self._process.exitcode
-        self._process.close()
-        self._orders.close()
-        self._answers.close()
-        return code
+    def end(self, patience_s: float = END_S) -> None:
+        """End the child, by force after ``patience_s``; harmless when it has ended."""
+        self._process.end(patience_s)
 
     def end_silent(self) -> DigitizerError:
         """End a child that does not answer, and return the error to raise."""

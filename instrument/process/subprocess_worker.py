@@ -4,40 +4,27 @@ import contextlib
 import gc
 import itertools
 import math
-import multiprocessing
 import os
 import queue
-import signal
 import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from multiprocessing.connection import _ConnectionBase as Connection  # a pipe's end is another class on Windows
-from multiprocessing.context import SpawnProcess
-from multiprocessing.reduction import ForkingPickler
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from analysis.pipeline import fitted, read
 from analysis.shot import AnalysisError, AnalysisSettings, Cancelled, Progress, Recording, Shot
+from instrument.background import ProcessEnded, WorkerProcess, lower_priority, start_thread
 from instrument.files import RecordingError, analyse_and_check_hash, one_line
-from instrument.process.child import lower_priority
 
 CANCEL_S = 5.0  # a child that has not reacted to a cancellation by then is killed
 _LOOK_S = 0.02
 _REPORT_EVERY_S = 0.05
 _END_S = 5.0
-
-
-def _read_only(values: dict[Any, Any]) -> Mapping[Any, Any]:
-    return MappingProxyType(values)
-
-
-# a mapping view's class cannot be pickled by name, so a function rebuilds the view in the other process
-ForkingPickler.register(MappingProxyType, lambda view: (_read_only, (dict(view),)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,26 +53,15 @@ class SubprocessWorker:
     def __init__(self, warm: Callable[[], object] | None = None) -> None:
         self._warm = warm
         self._lock = threading.Lock()
-        self._process: SpawnProcess | None = None
-        self._tasks: Connection | None = None
-        self._reports: Connection | None = None
+        self._process: WorkerProcess | None = None
         self._numbers = itertools.count()
         self._closed = False
 
     def start(self) -> None:
         """Start the child if there is none, so that the first task does not wait for it; returns at once."""
         with self._lock:
-            if self._process is not None or self._closed:
-                return
-            context = multiprocessing.get_context("spawn")
-            (child_tasks, tasks), (reports, child_reports) = (context.Pipe(duplex=False) for _ in range(2))
-            ends = self._warm, child_tasks, child_reports
-            process = context.Process(target=_serve, args=ends, name="levimass work")
-            process.daemon = True
-            process.start()
-            child_tasks.close()
-            child_reports.close()
-            self._process, self._tasks, self._reports = process, tasks, reports
+            if not self._closed and (self._process is None or self._process.over):
+                self._process = WorkerProcess("work", _serve, self._warm)
 
     def run(self, work: Callable[..., Any], progress: Progress, cancelled: Callable[[], bool]) -> Any:
         """Return the result of ``work(progress=..., cancelled=...)``; from one thread at a time.
@@ -93,13 +69,14 @@ class SubprocessWorker:
         Work and result are pickled; arrays of the result are read-only.  After ``close`` the work runs in this process.
         Raises Cancelled, and AnalysisError for any other exception of the work.
         """
-        if self._closed:
-            return work(progress=progress, cancelled=cancelled)
         self.start()
+        process = self._process
+        if self._closed or process is None:
+            return work(progress=progress, cancelled=cancelled)
         try:
-            return self._await(_Task(next(self._numbers), work), progress, cancelled)
-        except (EOFError, OSError) as error:
-            self._end()
+            return self._await(process, _Task(next(self._numbers), work), progress, cancelled)
+        except ProcessEnded as error:
+            process.end(0.0)
             if cancelled():
                 raise Cancelled from error
             what = "the analysis's process ended by itself: start it again; a shot's recording is saved"
@@ -110,32 +87,33 @@ class SubprocessWorker:
 
         Raises Cancelled.
         """
-        with contextlib.suppress(EOFError, OSError):
-            while self._reports is not None and not self._reports.poll(_LOOK_S):
+        with contextlib.suppress(ProcessEnded):
+            while self._process is not None and self._process.receive(_LOOK_S) is None:
                 if cancelled():
                     raise Cancelled
 
     def close(self) -> None:
         """End the child; harmless when there is none."""
         self._closed = True
-        self._end(_END_S)
+        with self._lock:  # not while it starts
+            process = self._process
+        if process is not None:
+            process.end(_END_S)
 
-    def _await(self, task: _Task, progress: Progress, cancelled: Callable[[], bool]) -> Any:
-        tasks, reports = self._tasks, self._reports
-        if tasks is None or reports is None:
-            raise EOFError
-        tasks.send(task)
+    @staticmethod
+    def _await(process: WorkerProcess, task: _Task, progress: Progress, cancelled: Callable[[], bool]) -> Any:
+        process.send(task)
         cancelled_s: float | None = None
         while True:
             if cancelled_s is None and cancelled():
                 cancelled_s = time.monotonic()
-                tasks.send(task.number)
-            if not reports.poll(_LOOK_S):
+                process.send(task.number)
+            report: _Report | None = process.receive(_LOOK_S)
+            if report is None:
                 if cancelled_s is not None and time.monotonic() - cancelled_s > CANCEL_S:
-                    self._end()
+                    process.end(0.0)
                     raise Cancelled
                 continue
-            report: _Report = reports.recv()
             if report.number != task.number:
                 continue
             if report.progress is not None:
@@ -148,27 +126,9 @@ class SubprocessWorker:
                 _seal(report.result)
                 return report.result
 
-    def _end(self, patience_s: float | None = None) -> None:
-        with self._lock:
-            process, self._process = self._process, None
-            tasks, self._tasks = self._tasks, None
-            if tasks is not None:
-                tasks.close()  # the child then ends
-            if process is not None:
-                if patience_s is not None:
-                    process.join(patience_s)
-                if process.is_alive():
-                    process.kill()
-                    process.join(_END_S)
-                process.close()
-            reports, self._reports = self._reports, None
-            if reports is not None:
-                reports.close()
-
 
 def _serve(warm: Callable[[], object] | None, tasks: Connection, reports: Connection) -> None:
     """Run tasks until the parent is gone; the main function of the process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl+C reaches all processes of the group: the parent handles it
     lower_priority(10)  # samples and screen come first
     waiting: queue.SimpleQueue[_Task] = queue.SimpleQueue()
     dropped: set[int] = set()
@@ -184,7 +144,7 @@ def _serve(warm: Callable[[], object] | None, tasks: Connection, reports: Connec
                     waiting.put(order)
         os._exit(0)  # the parent is gone
 
-    threading.Thread(target=receive, daemon=True).start()
+    start_thread("tasks", receive)
     if warm is not None:
         with contextlib.suppress(Exception):  # kernels are then compiled at their first call
             warm()

@@ -66,7 +66,7 @@ def rig():
     now = [100.0]
     one = Rig(lambda *_: "options", AnalysisSettings, SimpleNamespace(), open_digitizer=refused, clock=lambda: now[0])
     one.open("absent")
-    _until(lambda: one.latest().state is State.FAULT and one._requests.empty())
+    _until(lambda: one.latest().state is State.FAULT and not one._thread.tasks)
     one.now = now
     yield one
     one._running = None
@@ -187,7 +187,7 @@ def test_a_source_that_does_not_let_go_is_said(rig, ends: bool, held: bool, said
     capture = _runs(rig)
     capture.ends, capture.digitizer_held = ends, held
     rig.open("absent")
-    _until(lambda: rig.latest().state is State.FAULT and rig._requests.empty() and rig._running is None)
+    _until(lambda: rig.latest().state is State.FAULT and not rig._thread.tasks and rig._running is None)
     problems = rig.take_problems()
     assert capture.told == [("close", None)] and len(problems) == said
     assert all(problem.startswith("bench?seed=1 did not close in time") for problem in problems)

@@ -39,18 +39,17 @@ class AtOnce:
 
     started: list[str] = []  # noqa: RUF012 - emptied by each test
 
-    def __init__(self, piece) -> None:
-        self.started.append(piece.name)
-        self.exitcode = 0
+    exit_code = 0
 
-    def is_alive(self) -> bool:
-        return False
+    def __init__(self, name, main, piece) -> None:
+        assert name == piece.name
+        self.started.append(name)
 
 
 @pytest.fixture
 def order(monkeypatch):
     AtOnce.started.clear()
-    monkeypatch.setattr(kernels_module, "_started", AtOnce)
+    monkeypatch.setattr(kernels_module, "WorkerProcess", AtOnce)
     return AtOnce.started
 
 
@@ -111,19 +110,17 @@ def test_what_a_first_shot_needs_comes_first(folder, order, at_once):
 
 def test_in_processes_of_their_own_and_none_stays(folder, monkeypatch):
     processes = []
-    start = kernels_module._started
-    monkeypatch.setattr(kernels_module, "_started", lambda piece: processes.append(start(piece)) or processes[-1])
+    start = kernels_module.WorkerProcess
+    monkeypatch.setattr(kernels_module, "WorkerProcess", lambda *of: processes.append(start(*of)) or processes[-1])
     with pytest.raises(Cancelled):
         kernels_module.prepare(quietly, lambda: True, at_once=2)
     assert len(processes) == 2
-    for process in processes:
-        process.join(10)
-        assert not process.is_alive()
+    assert all(process.over and process.exit_code is not None for process in processes)
     assert not kernels_module.complete()
 
 
 def test_what_could_not_be_compiled_leaves_no_mark_and_is_told(folder, order, monkeypatch, capsys):
-    monkeypatch.setattr(AtOnce, "is_alive", lambda self: setattr(self, "exitcode", 1))
+    monkeypatch.setattr(AtOnce, "exit_code", 1)
     assert main(["--prepare"]) == 1
     assert "not all kernels could be compiled" in capsys.readouterr().err
     assert not kernels_module.complete()

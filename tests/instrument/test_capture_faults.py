@@ -179,8 +179,7 @@ def test_kernels_still_being_compiled_are_not_the_digitizer_s_fault(
     assert not capture.close(timeout_s=0.1)
     assert not capture.digitizer_held and digitizer.closed
     compiled.set()
-    capture._capture.thread.join(10)
-    assert not capture._capture.thread.is_alive()
+    assert capture._capture.thread.close(10)
     assert digitizer.armed == 0  # nobody touches it after its closing
 
 

@@ -436,7 +436,7 @@ def test_a_capture_whose_digitizer_hangs_ends_the_shot_under_way_and_none_that_i
     assert thread.shot is not None
     shot, thread.prepared = thread.shot, True
     shot.complete = complete
-    thread.thread = SimpleNamespace(is_alive=lambda: True, join=lambda _: None)  # type: ignore[assignment]
+    thread.thread = SimpleNamespace(alive=True, close=lambda _: False)  # type: ignore[assignment]
     capture._capture.recorder.close = lambda _: True  # type: ignore[method-assign]
     assert not capture.close(0.0) and capture.digitizer_held
     assert shot.complete and shot.ended_early == why
@@ -446,17 +446,16 @@ def test_a_capture_whose_digitizer_hangs_ends_the_shot_under_way_and_none_that_i
 def _parted(tmp_path: Path, hangs: str = "") -> tuple[Capture, list[Any]]:
     """Return a capture whose parts only note that they are started and closed; one of them does not end."""
     did: list[Any] = []
-    alive = [True]
     digitizer = FakeDigitizer()
     capture = Capture(digitizer, CaptureOptions(tmp_path, SETTINGS), analysis=ShotAnalysis(print))  # type: ignore[arg-type]
     thread = capture._capture
 
-    def join(longest_s: float) -> None:
-        did.append(("join", longest_s))
-        alive[0] = hangs == "thread"
+    def close(longest_s: float) -> bool:
+        did.append(("thread", longest_s))
+        return hangs != "thread"
 
     thread.thread = SimpleNamespace(  # type: ignore[assignment]
-        start=lambda: did.append("thread"), is_alive=lambda: alive[0], join=join
+        start=lambda: did.append("thread"), add=lambda _: None, alive=hangs == "thread", close=close
     )
     parts = {"recorder": thread.recorder, "analysis": capture._shots.analysis, "live": capture._live}
     for name, part in parts.items():
@@ -474,7 +473,7 @@ def test_a_capture_is_closed_part_by_part_the_device_stopped_first_and_closed_la
     with capture as entered:
         assert entered is capture and did == ["recorder", "analysis", "live", "thread"]
         did.clear()
-    parts = [(name, 30.0) for name in ("join", "recorder", "analysis", "live")]
+    parts = [(name, 30.0) for name in ("thread", "recorder", "analysis", "live")]
     assert did == [("stop", True), *parts, "orders", "folder", "close"] and not capture.digitizer_held
     for hangs in ("recorder", "analysis", "live"):
         capture, did = _parted(tmp_path, hangs)
@@ -564,7 +563,7 @@ def test_a_driver_that_blocks_the_thread_for_longer_than_its_time_does_not_answe
         thread._read()
     thread.run.starting = starting
     for alive in (True, False):
-        thread.thread = SimpleNamespace(is_alive=lambda alive=alive: alive)  # type: ignore[assignment]
+        thread.thread = SimpleNamespace(alive=alive)  # type: ignore[assignment]
         for alive_s, late_s, silent in ((None, 1e4, False), (100.0, limit_s, False), (100.0, limit_s + 0.01, alive)):
             thread.alive_s, now[0] = alive_s, 100.0 + late_s
             shown = capture.latest()

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from instrument.background.worker_process import lower_priority
 from instrument.devices import device_search, usb_bus
 from instrument.devices.digitizer import Block
 from instrument.devices.hantek6022_firmware import firmware_folders, firmware_remedy
@@ -122,7 +123,7 @@ def test_priority_is_lowered_by_class_on_windows(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("ctypes.windll", SimpleNamespace(kernel32=kernel), raising=False)
     monkeypatch.setattr(sys, "platform", "win32")
     monkeypatch.setattr(os, "nice", lambda steps: pytest.fail("there is none on Windows"))
-    child.lower_priority(5)
+    lower_priority(5)
     assert [how for _, how in asked] == [0x4000]
 
 
@@ -137,7 +138,7 @@ def test_priority_is_lowered_by_steps_elsewhere_and_on_linux_the_class_too(
     monkeypatch.setattr(os, "SCHED_BATCH", 3, raising=False)
     monkeypatch.setattr(os, "sched_param", lambda priority: priority, raising=False)
     monkeypatch.setattr(os, "sched_setscheduler", lambda *given: asked.append(given), raising=False)
-    child.lower_priority(7)
+    lower_priority(7)
     assert (steps, asked) == ([7], scheduled)
 
 

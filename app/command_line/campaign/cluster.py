@@ -8,7 +8,6 @@ import time
 import weakref
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -17,6 +16,8 @@ from analysis.shot import version_and_digest
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, why_unusable
 from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost
 from app.command_line.outputs import say
+from instrument.background import Task as ThreadTask
+from instrument.background import WorkerThread
 from instrument.files import error_words
 
 _UNSAFE = (
@@ -46,8 +47,10 @@ class Cluster:
         folders = sorted({str(Path(task.path).parent) for task in todo})[:_MAX_FOLDERS]
         csv = next((task.motion_csv for task in todo if task.motion_csv), None)
         self._check_of_folders = (version_and_digest(), folders, None if csv is None else str(Path(csv).parent))
-        self._watcher = ThreadPoolExecutor(1)  # a hanging scheduler must not block the campaign
-        self._watching: Any = None
+        # a hanging scheduler must not block the campaign
+        self._watcher = WorkerThread[ThreadTask]("scheduler", lambda task: None)
+        self._watcher.start()
+        self._watching: ThreadTask | None = None
         self._watched_at = 0.0
         self._threads: dict[str, int] = {}  # worker -> number of threads, without silent workers
         self._reports: dict[str, tuple[float, float]] = {}  # worker -> (time stamp of last report, time of its arrival)
@@ -82,7 +85,7 @@ class Cluster:
 
     def close(self) -> None:
         """Disconnect from the scheduler; the next call analyses the unfinished shots."""
-        self._watcher.shutdown(wait=False, cancel_futures=True)
+        self._watcher.close(0.0)
         with contextlib.suppress(Exception):  # a lost connection times out and is already reported
             self._client.close(timeout=2.0)
 
@@ -115,9 +118,9 @@ class Cluster:
         """Update the list of workers, at most once per second.  Raises WorkersLost if none is usable."""
         now = time.monotonic()
         if self._watching is None and now - self._watched_at >= _WATCH_S:
-            self._watching, self._watched_at = self._watcher.submit(self._asked_scheduler), now
+            self._watching, self._watched_at = self._watcher.add(ThreadTask("workers", self._asked_scheduler)), now
         if self._watching is not None:
-            if self._watching.done():
+            if self._watching.done.is_set():
                 self._update(self._watching, now)
                 self._watching = None
             elif now - self._watched_at > SCHEDULER_HANGS_S:
@@ -128,14 +131,14 @@ class Cluster:
         elif not self._checking:
             self._none_usable(now)
 
-    def _asked_scheduler(self) -> tuple[dict[str, Any], dict[str, Sequence[str]]]:
+    def _asked_scheduler(self, _: object, __: object) -> tuple[dict[str, Any], dict[str, Sequence[str]]]:
         """Ask the scheduler for the state of each worker and the keys of its tasks; waits for the answer."""
         known = self._client.sync(self._client.scheduler.identity)["workers"]
         return known, self._client.processing()
 
-    def _update(self, watching: Any, now: float) -> None:
+    def _update(self, watching: ThreadTask, now: float) -> None:
         try:
-            known, keys = watching.result()
+            known, keys = watching.wait()
         except OSError:  # connection closed; dask's own message would name sockets and coroutines
             raise self._lost("the scheduler is gone") from None
         except Exception as error:

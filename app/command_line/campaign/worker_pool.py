@@ -1,19 +1,18 @@
 """The interface of a campaign's worker pool, and the pool of processes on this machine."""
 
-import signal
+import contextlib
 import sys
 import time
 from collections import deque
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import active_children, get_context
-from typing import Any, Protocol
+from collections.abc import Callable
+from multiprocessing.connection import Connection, wait
+from typing import Protocol
 
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one
+from instrument.background import ProcessEnded, WorkerProcess
 from instrument.files import error_words
 
 LOOK_S = 0.1
-_BROKEN_S = 5.0  # longest wait for the futures of a broken pool, which end within milliseconds
 
 
 class WorkersLost(OSError):
@@ -46,18 +45,19 @@ _MOST = most_processes(sys.platform)
 
 
 class ProcessPool:
-    """Worker processes on this machine.
+    """Worker processes on this machine, started when they are first needed.
 
-    A process that dies breaks the pool.  The shots under way are then repeated one at a time; a shot during which a
-    process dies again is given up as not reached.
+    A shot during which its process dies is repeated while no other is analysed; if its process dies again, it is given
+    up as not reached.
     """
 
     def __init__(self, count: int) -> None:
         self._count = min(count, _MOST)
-        self._pool = self._started()
-        self._running: dict[Future[Outcome], Task] = {}
+        self._idle: list[WorkerProcess] = []
+        self._running: dict[WorkerProcess, Task] = {}
         self._waiting: deque[Task] = deque()
-        self._suspects: deque[Task] = deque()
+        self._suspects: deque[Task] = deque()  # during which a process died
+        self._suspected: set[str] = set()  # their stamps, also later
 
     @property
     def width(self) -> int:
@@ -71,64 +71,48 @@ class ProcessPool:
         if not self._running:
             time.sleep(LOOK_S)
             return []
-        ready, _ = wait(self._running, timeout=LOOK_S, return_when=FIRST_COMPLETED)
         out: list[tuple[Task, Outcome]] = []
-        died: list[Task] = []
-        if any(isinstance(future.exception(), BrokenProcessPool) for future in ready):
-            wait(self._running, timeout=_BROKEN_S)
-            ready = set(self._running)
-        for future in ready:
-            task = self._running.pop(future)
-            if not future.done() or isinstance(error := future.exception(), BrokenProcessPool):
-                died.append(task)
-            else:
-                out.append((task, future.result() if error is None else NotReached(error_words(error))))
-        if len(died) == 1:
-            out.append((died[0], NotReached("the process that analysed it died")))
-        else:
-            self._suspects.extend(died)
-        if died:
-            self._pool.shutdown(wait=False, cancel_futures=True)
-            self._pool = self._started()
+        ready = set(wait([process.messages for process in self._running], LOOK_S))
+        for process in [process for process in self._running if process.messages in ready]:
+            task = self._running.pop(process)
+            try:
+                out.append((task, process.receive(0.0)))
+                self._idle.append(process)
+            except ProcessEnded:
+                if task.stamp in self._suspected:
+                    out.append((task, NotReached("the process that analysed it died")))
+                else:
+                    self._suspected.add(task.stamp)
+                    self._suspects.append(task)
+        self._hand_on()
         return out
 
     def close(self) -> None:
         """End the processes; the next call analyses the unfinished shots."""
-        if self._running:
-            for worker in active_children():
-                worker.terminate()
-        self._pool.shutdown(cancel_futures=True)
+        for process in (*self._idle, *self._running):
+            process.end(0.0)
 
     def _hand_on(self) -> None:
-        try:
-            if self._suspects:
-                if not self._running:
-                    task = self._suspects.popleft()
-                    self._running[self._pool.submit(analyse_one, task)] = task
+        while waiting := self._suspects or self._waiting:
+            alone = bool(self._suspects) or any(task.stamp in self._suspected for task in self._running.values())
+            if len(self._running) >= (1 if alone else self._count):
                 return
-            while self._waiting:
-                task = self._waiting.popleft()
-                self._running[self._pool.submit(analyse_one, task)] = task
-        except BrokenProcessPool:  # a worker died since the last look
-            self._suspects.append(task)
-            if not self._running:
-                self._pool = self._started()
-
-    def _started(self) -> "_Pool":
-        # spawned, because a forked child of a process with compiled kernels and threads may hang
-        ignore = signal.signal, (signal.SIGINT, signal.SIG_IGN)
-        return _Pool(self._count, get_context("spawn"), *ignore)
+            process = self._idle.pop() if self._idle else WorkerProcess("shots", _serve, analyse_one)
+            try:
+                process.send(waiting[0])
+            except ProcessEnded:  # it died since its last shot
+                process.end(0.0)
+            else:
+                self._running[process] = waiting.popleft()
 
 
-class _Pool(ProcessPoolExecutor):
-    """Processes that ignore Ctrl-C, which a terminal sends to all processes; except on Windows even at their start."""
-
-    def submit(self, *work: Any, **more: Any) -> Future[Any]:
-        """Submit work with Ctrl-C blocked; a process started for it inherits the blocked signal."""
-        if sys.platform == "win32":
-            return super().submit(*work, **more)
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            return super().submit(*work, **more)
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+def _serve(analyse: Callable[[Task], Outcome], tasks: Connection, outcomes: Connection) -> None:
+    """Analyse shots until the parent is gone; the main function of a process."""
+    with contextlib.suppress(EOFError, ConnectionError):
+        while True:
+            task: Task = tasks.recv()
+            try:
+                outcome = analyse(task)
+            except Exception as error:
+                outcome = NotReached(error_words(error))
+            outcomes.send(outcome)

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from instrument.background import worker_process
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.capture.acquisition import State
 from instrument.capture.capture import Capture
@@ -120,7 +121,7 @@ def test_a_child_that_ends_at_once_is_told_and_leaves_no_pipe_open(monkeypatch):
         def Process(**how):
             return SimpleNamespace(start=int, pid=1, join=lambda s: None, is_alive=bool, exitcode=3, close=int)
 
-    monkeypatch.setattr(device_process.multiprocessing, "get_context", lambda kind: Context)
+    monkeypatch.setattr(worker_process.multiprocessing, "get_context", lambda kind: Context)
     with pytest.raises(DigitizerError, match=r"ended by itself .status 3."):
         device_process.DeviceProcess(FakeDigitizer, lambda: False, 5.0)
     assert len(ends) == 4 and all(end.closed for end in ends)

@@ -1,14 +1,11 @@
 """The two ends of a subprocess, without the process: blocks cut into a reader's pieces, memory for a lag, reports."""
 
 import os
-import pickle
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing.reduction import ForkingPickler
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
@@ -18,6 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from analysis.shot.shot import AnalysisError, Cancelled
+from instrument.background import worker_process
+from instrument.background.worker_process import ProcessEnded, WorkerProcess
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, DigitizerError
 from instrument.devices.sources import open_source
 from instrument.files.recording_error import RecordingError
@@ -200,12 +199,6 @@ def test_every_array_of_a_task_or_a_result_is_read_only_again_wherever_it_lies()
     assert not any(array.flags.writeable for array in arrays)
 
 
-def test_a_read_only_view_of_a_dictionary_travels_between_processes() -> None:
-    view = MappingProxyType({"a": 1, "b": MappingProxyType({})})
-    again = pickle.loads(ForkingPickler.dumps(view))
-    assert type(again) is MappingProxyType and again == view and type(again["b"]) is MappingProxyType
-
-
 def _reported(work: Any, dropped: set[int]) -> tuple[list[_Report], _Report, set[int]]:
     sent: list[_Report] = []
     report = _run(_Task(7, work), SimpleNamespace(send=sent.append), dropped)  # type: ignore[arg-type]
@@ -259,8 +252,9 @@ class Waiting(DeviceProcess):
     """The parent's end of a child that sends ``messages``, each at its time, on a clock of its own."""
 
     def __init__(self, messages: list[tuple[float, Answer]]) -> None:
-        self.now, self.messages, self.waits, self.over = 100.0, messages, [], False
-        self.ended: list[float | None] = []
+        self.now, self.messages, self.waits = 100.0, messages, []
+        self._process = SimpleNamespace(over=False)  # type: ignore[assignment]
+        self.ended: list[float] = []
 
     def receive(self, timeout_s: float) -> Answer | None:  # type: ignore[override]
         self.waits.append(timeout_s)
@@ -271,7 +265,7 @@ class Waiting(DeviceProcess):
         self.now += timeout_s
         return None
 
-    def end(self, patience_s: float | None = None) -> None:  # type: ignore[override]
+    def end(self, patience_s: float = 5.0) -> None:
         self.ended.append(patience_s)
 
 
@@ -313,17 +307,21 @@ def test_an_order_is_waited_for_until_its_answer_its_limit_or_a_giving_up(
 @pytest.mark.parametrize(
     ("code", "how"), [(0, "status 0"), (2, "status 2"), (-1, "killed by signal 1"), (None, "status None")]
 )
-def test_a_child_that_ended_by_itself_is_told_with_its_status_or_its_signal(code: int | None, how: str) -> None:
-    child = Waiting([])
-
+def test_a_child_that_ended_by_itself_is_told_with_its_status_or_its_signal(
+    code: int | None, how: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def broken() -> None:
         raise EOFError
 
-    child._answers = SimpleNamespace(poll=lambda timeout_s: True, recv=broken)  # type: ignore[assignment]
-    child.end = lambda patience_s: child.ended.append(patience_s) or code  # type: ignore[method-assign, func-returns-value]
+    context, child = Context(monkeypatch), Waiting([])
+    context.exitcode = code
+    child._process = WorkerProcess("digitizer", print)
+    child._process.messages = SimpleNamespace(  # type: ignore[assignment]
+        poll=lambda timeout_s: True, recv=broken, close=lambda: None
+    )
     with pytest.raises(DigitizerError, match=rf"process ended by itself \({how}\): arm again"):
         DeviceProcess.receive(child, 0.0)
-    assert child.ended == [1.0]
+    assert context.did[-2:] == [("join", 1.0), "close"] and child.over and child._process.exit_code == code
 
 
 def test_a_request_is_an_order_and_the_wait_for_its_answer() -> None:
@@ -348,30 +346,27 @@ def test_a_device_tells_its_state_or_the_fault_that_hides_it_anew_each_time() ->
 
 
 class Sent:
-    """A connection that notes what is sent."""
+    """A process that notes what is sent to it."""
 
     def __init__(self, fails: bool = False) -> None:
         self.orders: list[Order] = []
-        self.fails = fails
+        self.fails, self.over = fails, fails
 
     def send(self, order: Order) -> None:
         if self.fails:
-            raise BrokenPipeError(32, "broken")
+            raise ProcessEnded("broken")
         self.orders.append(order)
 
 
 def test_orders_are_numbered_and_none_is_sent_to_a_child_that_is_gone() -> None:
     child = Waiting([])
-    child._sending, child._serial, child._orders = threading.Lock(), 0, Sent()  # type: ignore[assignment]
+    child._sending, child._serial, child._process = threading.Lock(), 0, Sent()  # type: ignore[assignment]
     settings = CaptureSettings(1e6, 100, 10)
     assert [child.send("prepare"), child.send("arm", settings, ("ring", 5, 2)), child.send("stop")] == [1, 2, 3]
-    assert child._orders.orders == [  # type: ignore[attr-defined]
+    assert child._process.orders == [  # type: ignore[attr-defined]
         Order("prepare", 1), Order("arm", 2, settings, ("ring", 5, 2)), Order("stop", 3),
     ]  # fmt: skip
-    child._orders = Sent(fails=True)  # type: ignore[assignment]
-    with pytest.raises(DigitizerError, match="the digitizer's process is gone: arm again"):
-        child.send("stop")
-    child.over = True
+    child._process = Sent(fails=True)  # type: ignore[assignment]
     for ask in (lambda: child.send("stop"), lambda: DeviceProcess.receive(child, 0.0)):
         with pytest.raises(DigitizerError, match="the digitizer's process is gone: arm again"):
             ask()
@@ -385,9 +380,7 @@ class Context:
         self.alive, self.starts, self.daemon, self.pid, self.exitcode = alive, starts, False, 77, -9
         self.closed: list[str] = []
         self._ends = iter(("first reads", "first writes", "second reads", "second writes"))
-        monkeypatch.setattr(
-            subprocess_worker.multiprocessing, "get_context", lambda kind: self if kind == "spawn" else 0
-        )
+        monkeypatch.setattr(worker_process.multiprocessing, "get_context", lambda kind: self if kind == "spawn" else 0)
 
     def Pipe(self, duplex: bool) -> tuple[Any, Any]:
         assert not duplex
@@ -397,7 +390,9 @@ class Context:
         )
 
     def Process(self, target: Any, args: Any, name: str) -> "Context":
-        self.did.append((target, [getattr(arg, "end", arg) for arg in args], name))
+        main, given, *ends = args
+        assert target is worker_process._run
+        self.did.append((main, [*given, *(end.end for end in ends)], name))
         return self
 
     def start(self) -> None:
@@ -449,12 +444,14 @@ def test_a_device_s_process_is_started_with_one_end_of_each_pipe_and_ended_by_fo
     ends = ["opener", "first reads", "second writes"]
     assert context.did == [(child_module.serve, ends, "levimass digitizer"), ("start", True)]
     assert waited == [(STARTED, 60.0, len, None), (OPENED, 7.0, len, None)]
-    assert context.closed == ends[1:] and (made._answers.end, made._process.pid) == ("second reads", 77)
+    assert context.closed == ends[1:] and made._process.messages.end == "second reads"  # type: ignore[attr-defined]
     context.did.clear()
-    assert made.end() == -9 and made.over and made.end() is None
+    made.end()
+    made.end()
+    assert made.over and made._process.exit_code == -9
     forced = ["kill", ("join", 5.0)] if alive else []
     assert context.did == [("join", 5.0), *forced, "close"]
-    assert context.closed[2:] == ["first writes", "second reads"]
+    assert context.closed[2:] == ["first writes", "first writes", "second reads"]  # the child is told by the first
 
 
 def test_a_device_that_does_not_open_leaves_no_process_and_one_that_does_not_start_is_said(
@@ -468,7 +465,7 @@ def test_a_device_that_does_not_open_leaves_no_process_and_one_that_does_not_sta
     monkeypatch.setattr(DeviceProcess, "_wait_for", jammed)
     with pytest.raises(DigitizerError, match="jammed"):
         DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
-    assert context.did[-2:] == [("join", 5.0), "close"] and len(context.closed) == 4
+    assert context.did[-2:] == [("join", 5.0), "close"] and set(context.closed[2:]) == {"first writes", "second reads"}
     Context(monkeypatch, starts=False)
     with pytest.raises(DigitizerError, match="did not start: no room for a process: close other programs"):
         DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
@@ -482,10 +479,10 @@ def test_a_child_that_dies_during_a_task_is_not_waited_for(monkeypatch: pytest.M
 
     for cancelled, fault in ((False, AnalysisError), (True, Cancelled)):
         worker.start()
-        worker._tasks.send = broken  # type: ignore[union-attr, method-assign]
+        worker._process._orders.send = broken  # type: ignore[union-attr, method-assign]
         with pytest.raises(fault):
             worker.run(len, print, lambda cancelled=cancelled: cancelled)  # type: ignore[misc]
-        assert context.did[-2:] == [("start", True), "close"] and child_id(worker) is None
+        assert context.did[-3:] == [("start", True), ("join", 0.0), "close"] and child_id(worker) is None
         context = Context(monkeypatch)
 
 
@@ -501,11 +498,11 @@ def test_a_working_process_is_started_once_and_ended_by_force_where_it_does_not_
     assert context.closed == ends[1:] and child_id(worker) == 77
     context.did.clear()
     worker.close()
-    worker._end()
+    worker.close()
     worker.start()  # there is none any more
     forced = ["kill", ("join", 5.0)] if alive else []
     assert context.did == [("join", 5.0), *forced, "close"] and child_id(worker) is None
-    assert context.closed[2:] == ["first writes", "second reads"]
+    assert context.closed[2:] == ["first writes", "first writes", "second reads"]
 
 
 class Told:
@@ -668,9 +665,8 @@ def test_a_child_serves_until_it_is_closed_or_its_parent_is_gone_and_closes_its_
     assert lowered == ([5] if simulated else []) and ("cannot be pickled" in capfd.readouterr().err) == (ends == "bug")
 
 
-def test_a_device_that_cannot_be_opened_is_told_after_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
-    told, signals = Told(), []  # type: ignore[var-annotated]
-    monkeypatch.setattr(child_module.signal, "signal", lambda *which: signals.append(which))
+def test_a_device_that_cannot_be_opened_is_told_after_the_start() -> None:
+    told = Told()
 
     def opener() -> Any:
         raise DigitizerError("jammed", "oil it")
@@ -679,7 +675,6 @@ def test_a_device_that_cannot_be_opened_is_told_after_the_start(monkeypatch: pyt
     started, opened = told.messages
     assert started == Answer(STARTED, None)
     assert (opened.serial, opened.device, str(opened.fault)) == (OPENED, None, "jammed: oil it")
-    assert signals == [(signal.SIGINT, signal.SIG_IGN)]
 
 
 def _sum_of(array: np.ndarray, *, progress: Any, cancelled: Any) -> tuple[int, bool, bool]:
@@ -691,7 +686,6 @@ def test_a_working_child_is_warm_before_it_says_so_does_its_tasks_in_turn_and_en
 ) -> None:
     leave, did, reports = Exit(monkeypatch), [], []  # type: ignore[var-annotated]
     monkeypatch.setattr(subprocess_worker, "lower_priority", lambda steps: did.append(("priority", steps)))
-    monkeypatch.setattr(subprocess_worker.signal, "signal", lambda *which: did.append(which))
     monkeypatch.setattr(
         subprocess_worker, "gc", SimpleNamespace(freeze=lambda: did.append("freeze"), collect=lambda: did.append("gc"))
     )
@@ -717,26 +711,22 @@ def test_a_working_child_is_warm_before_it_says_so_does_its_tasks_in_turn_and_en
     _until(lambda: len(leave.asked) == 1)
     assert leave.asked == [(False, 0)]
     assert reports == [_Report(None), _Report(7, result=(3, False, False)), _Report(8, result=(6, False, True))]
-    assert did == [(signal.SIGINT, signal.SIG_IGN), ("priority", 10), "warm", "freeze", "gc"]
+    assert did == [("priority", 10), "warm", "freeze", "gc"]
 
 
 def test_a_child_that_is_to_give_up_has_five_seconds_and_is_then_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     now, ended, told = [100.0], [], []  # type: ignore[var-annotated]
     monkeypatch.setattr(subprocess_worker, "time", SimpleNamespace(monotonic=lambda: now[0]))
-    worker = SubprocessWorker()
 
-    def poll(timeout_s: float) -> bool:
+    def receive(timeout_s: float) -> None:
         assert timeout_s == 0.02
         now[0] += 0.5
-        return False
 
-    worker._tasks = SimpleNamespace(send=told.append)  # type: ignore[assignment]
-    worker._reports = SimpleNamespace(poll=poll)  # type: ignore[assignment]
-    worker._end = lambda: ended.append(now[0])  # type: ignore[assignment, method-assign]
-    task = _Task(4, len)
+    process, task = SimpleNamespace(send=told.append, receive=receive), _Task(4, len)
+    process.end = lambda patience_s: ended.append((now[0], patience_s))
     with pytest.raises(Cancelled):
-        worker._await(task, print, lambda: now[0] >= 110.0)
-    assert told == [task, 4] and ended == [110.0 + 5.5]
+        SubprocessWorker._await(process, task, print, lambda: now[0] >= 110.0)  # type: ignore[arg-type]
+    assert told == [task, 4] and ended == [(110.0 + 5.5, 0.0)]
 
 
 def test_a_child_announces_no_more_blocks_than_its_pipe_holds(
@@ -835,22 +825,22 @@ def test_memory_is_had_before_it_is_used_or_refused_in_one_line_and_given_back(m
 def test_a_worker_is_waited_for_until_it_is_warm_or_the_waiting_is_given_up_or_it_has_ended() -> None:
     worker, polls = SubprocessWorker(), []
     worker.await_ready(lambda: False)  # there is none
-    ends: list[Any] = [False, False, True]
+    ends: list[Any] = [None, None, _Report(None)]
 
-    def poll(timeout_s: float) -> bool:
+    def receive(timeout_s: float) -> Any:
         polls.append(timeout_s)
         end = ends.pop(0)
         if isinstance(end, Exception):
             raise end
-        return bool(end)
+        return end
 
-    worker._reports = SimpleNamespace(poll=poll)  # type: ignore[assignment]
+    worker._process = SimpleNamespace(receive=receive)  # type: ignore[assignment]
     worker.await_ready(lambda: False)
     assert len(polls) == 3 and ends == []
-    ends = [False, EOFError()]
+    ends = [None, ProcessEnded()]
     worker.await_ready(lambda: False)
     assert len(polls) == 5
-    ends = [False, True]
+    ends = [None, _Report(None)]
     with pytest.raises(Cancelled):
         worker.await_ready(lambda: True)
     assert len(polls) == 6

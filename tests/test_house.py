@@ -60,6 +60,32 @@ def test_a_thread_that_keeps_it_running_is_seen(how: str, seen: list[int]) -> No
     assert list(_keeping_alive(f"threading.Thread(target=work{how}).start()")) == seen
 
 
+def _starts(source: str) -> bool:
+    """Return whether a source starts a thread or a process by itself, and not by ``instrument.background``."""
+    return re.search(r"\b(Thread|Timer|Process|Popen|\w+Executor|get_context)\(", source) is not None
+
+
+def test_threads_and_processes_start_in_one_place() -> None:
+    sources = [path for top in ("instrument", "app") for path in sorted((HOUSE / top).rglob("*.py"))]
+    starting = [path.relative_to(HOUSE).as_posix() for path in sources if _starts(path.read_text(encoding="utf-8"))]
+    assert starting == [f"instrument/background/worker_{what}.py" for what in ("process", "thread")]
+
+
+@pytest.mark.parametrize(
+    ("source", "seen"),
+    [
+        ("threading.Thread(target=work, daemon=True)", True),
+        ("with ThreadPoolExecutor(1) as pool:", True),
+        ("multiprocessing.Process(target=work)", True),
+        ("threading.Event()", False),
+        ("from multiprocessing.connection import wait", False),
+        ("timer = QTimer(self)", False),
+    ],
+)
+def test_a_source_that_starts_one_is_seen(source: str, seen: bool) -> None:
+    assert _starts(source) == seen
+
+
 LAYERS = {  # a package imports from those before it alone; what lies in none comes last
     "analysis": (
         "compiled",

@@ -63,7 +63,7 @@ class CandidateResiduals:
         self._vibrations: list[VibrationSpectrum | None] = []
         self._wanted: list[Effect] = []
         self._job: Job | None = None
-        self._fitting: Effect | None = None  # candidate of the current job
+        self._arrived = False  # whether a residual was found since the last ``refresh``
         self.found: dict[Effect, CandidateResidual] = {}
 
     @property
@@ -76,7 +76,7 @@ class CandidateResiduals:
         if diagnosis is self._of:
             return
         if self._job is not None:
-            self._job.cancel()
+            self._job.discard()
         self._of, self.found, self._job = diagnosis, {}, None
         self._motions = motions_of(shots)
         self._vibrations = [vibration_of(shot) for shot in shots if shot.motion is not None]
@@ -99,18 +99,11 @@ class CandidateResiduals:
         self._wanted = []
 
     def refresh(self) -> bool:
-        """Collect a finished fit and start the next if no other job waits; return whether a fit was collected."""
-        job, came = self._job, False
-        if job is not None and job.done.is_set():
-            self._job = None
-            if isinstance(job.result, CandidateResidual) and not job.cancelled:
-                self.found[job.result.effect] = job.result
-                came = True
-            if not job.cancelled:
-                self._wanted = [effect for effect in self._wanted if effect != self._fitting]
+        """Start the next fit if no other job waits; return whether a residual was found since the last call."""
         if self._job is None and self._wanted and self._of is not None and self._work.jobs.open_jobs == 0:
             self._ask(self._of, self._wanted[0])
-        return came
+        arrived, self._arrived = self._arrived, False
+        return arrived
 
     def _ask(self, diagnosis: Diagnosis, effect: Effect) -> None:
         effects = (*diagnosis.fit_before.effects, effect)
@@ -121,5 +114,17 @@ class CandidateResiduals:
             made: CandidateResidual = self._work.run_long(fitting, report, cancelled)
             return made
 
-        self._fitting = effect
-        self._job = self._work.jobs.submit(effect.words, work, KIND)
+        self._job = self._work.jobs.submit(
+            effect.words, work, KIND, self._take, lambda why: self._ended(effect, again=why is None)
+        )
+
+    def _take(self, found: CandidateResidual) -> None:
+        self.found[found.effect] = found
+        self._arrived = True
+        self._ended(found.effect, again=False)
+
+    def _ended(self, effect: Effect, *, again: bool) -> None:
+        """Note that the fit of a candidate has ended; ``again``: another job cancelled it, so it is fitted later."""
+        self._job = None
+        if not again:
+            self._wanted = [other for other in self._wanted if other != effect]

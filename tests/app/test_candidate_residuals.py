@@ -292,8 +292,13 @@ def test_candidates_are_fitted_while_nothing_else_is_to_be_done(told, shots, mon
         assert other.done.wait(5.0)
         whole.first(CATALOGUE["tilt"])
         go.set()
-        until(lambda: whole.refresh() or not whole.waiting)
-        until(lambda: (whole.refresh(), not whole.waiting and len(whole.found) == 5)[1])
+
+        def refreshed():
+            assert list(work.collect_results()) == []
+            return whole.refresh()
+
+        until(lambda: refreshed() or not whole.waiting)
+        until(lambda: (refreshed(), not whole.waiting and len(whole.found) == 5)[1])
         assert asked[1] == CATALOGUE["tilt"] and set(whole.found) == {candidate.effect for candidate in CANDIDATES}
         whole.show(None, [])
         assert whole.found == {}

@@ -141,7 +141,7 @@ def stated_contact(shot):
 
 
 def test_work_of_more_than_two_seconds_says_how_long_it_still_takes(panels, monkeypatch):
-    job = Job("diagnosis", lambda report, cancelled: None, "diagnosis", what="fitting", fraction=0.25)
+    job = Job("diagnosis", lambda report, cancelled: None, kind="diagnosis", what="fitting", fraction=0.25)
     now = time.monotonic()
     job.started_s = now - 1.0
     assert job.remaining_s() is None

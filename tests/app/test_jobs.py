@@ -186,7 +186,8 @@ def test_another_session_cancels_the_work_of_this_one_and_no_other(held, kind):
 
 
 def test_work_on_the_shot_in_view_is_done_once_for_each_and_given_out_once():
-    jobs, asked = Jobs(), []
+    queues = JobQueues(None)
+    jobs, asked, taken = queues.jobs, [], []
 
     def work(entry, given):
         def made(report, cancelled):
@@ -197,20 +198,47 @@ def test_work_on_the_shot_in_view_is_done_once_for_each_and_given_out_once():
 
         return entry, made
 
-    of = ShotJob(jobs, "spectra")
+    def ended():
+        assert of.job.done.wait(10)
+        said = list(queues.collect_results())
+        assert of.job is None
+        return said
+
+    of = ShotJob(jobs, "spectra", lambda *result: taken.append(result))
     one, two = (Entry(n, f"s{n}", Path("x"), None) for n in (1, 2))
     try:
-        assert of.take() is None and of.job is None
+        assert of.job is None
         assert of.start(*work(one, "a")) and not of.start(*work(one, "b"))
-        assert of.job is not None and of.job.name == "spectra of s1" and of.job.done.wait(10)
-        assert of.take() == (one, 10) and of.take() is None and not of.start(*work(one, "c"))
+        assert of.job is not None and of.job.name == "spectra of s1"
+        assert ended() == [] and taken == [(one, 10)] and not of.start(*work(one, "c"))
         of.forget()
         assert of.start(*work(one, "d"))
         first = of.job
-        assert of.start(*work(two, "fail")) and of.job.done.wait(10)
-        assert of.take() is None and of.start(*work(two, "e"))  # what failed is tried again
-        assert of.job.done.wait(10) and of.take() == (two, 20)
-        assert first.cancelled or first.result == 10
+        assert of.start(*work(two, "fail")) and first.cancelled
+        assert ended() == ["spectra of s2: no"] and taken == [(one, 10)]  # nor is the replaced one taken, if it ended
+        assert of.start(*work(two, "e"))  # what failed is tried again
+        assert ended() == [] and taken == [(one, 10), (two, 20)]
         assert asked[0] == (1, "a") and asked[-1] == (2, "e")
     finally:
-        assert jobs.close()
+        assert queues.close()
+
+
+def test_a_job_that_fails_or_is_cancelled_is_told_to_who_asked_for_it_unless_it_was_discarded(held):
+    jobs, go_on, _ = held
+    queues, ends = JobQueues(None), []
+    queues.jobs.close()
+    queues.jobs = jobs
+
+    def submit(name, work):
+        return jobs.submit(name, work, "", lambda result: ends.append((name, result)), lambda why: ends.append(why))
+
+    submit("good", lambda *_: 1)
+    submit("bad", lambda *_: {}["lost"])
+    submit("cancelled", lambda *_: 2).cancel()
+    submit("discarded", lambda *_: 3).discard()
+    last = submit("last", lambda *_: 4)
+    go_on.set()
+    assert last.done.wait(10)
+    assert list(queues.collect_results()) == ["bad: 'lost'"]
+    assert ends == [("good", 1), "'lost'", None, ("last", 4)]
+    queues.short_jobs.close()

@@ -42,6 +42,7 @@ def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_pa
         assert opened == []
 
         def pulled(ready) -> bool:  # type: ignore[no-untyped-def]
+            workbench.poll()
             presenter.refresh()
             return bool(ready())
 
@@ -84,6 +85,7 @@ def test_a_displacement_is_opened_in_the_unit_of_its_header_or_the_one_chosen(
         presenter.ask([path])
 
         def pulled(ready) -> bool:  # type: ignore[no-untyped-def]
+            workbench.poll()
             presenter.refresh()
             return bool(ready())
 

@@ -39,6 +39,7 @@ def test_budget_and_paper_pages_follow_the_shot_in_front(qtbot: QtBot) -> None:
         assert "computing" in panels.paper.said.text()
 
         def there() -> bool:
+            assert workbench.poll() == []
             presenter.refresh()
             return panels.paper.table.topLevelItemCount() > 0
 

@@ -33,7 +33,7 @@ class DiagnosisPresenter(QObject):
         self._workbench, self._panels = workbench, panels
         # diagnosis shown, effects in the model, and whether the diagnosis is valid for them
         self._shown: tuple[object, tuple[Effect, ...], bool] = (None, (), True)
-        self._forces = ShotJob[Forces](workbench.short_jobs, "residual of the force")
+        self._forces = ShotJob[Forces](workbench.short_jobs, "residual of the force", self._show_forces)
         panels.model.diagnose.clicked.connect(self.diagnose)
         page = panels.diagnosis
         page.diagnose.clicked.connect(self.diagnose)
@@ -49,7 +49,6 @@ class DiagnosisPresenter(QObject):
         found = self.found()
         if self._panels.tabs.currentIndex() == Layout.DIAGNOSIS:
             self._explain(found)
-        self._show_forces(found)
         effects = self._workbench.session.effects.of(self._base())
         holds = found is None or self._holds(found, effects)
         if self._shown[0] is found and self._shown[1:] == (effects, holds):
@@ -83,12 +82,11 @@ class DiagnosisPresenter(QObject):
             self._forces.forget()
             self._forces.start(drive, partial(_forces_of, drive, found.diagnosis))
 
-    def _show_forces(self, found: Diagnosed | None) -> None:
-        """Show a drive's residual forces once they are computed, if they belong to the diagnosis shown."""
-        if (taken := self._forces.take()) is not None:
-            drive, (diagnosis, before, after) = taken
-            if found is not None and diagnosis is found.diagnosis and drive.shot is not None:
-                self._panels.diagnosis.residuals.show_forces(drive.shot, before, after)
+    def _show_forces(self, drive: Entry, forces: Forces) -> None:
+        """Show a drive's residual forces if they belong to the diagnosis shown."""
+        found, (diagnosis, before, after) = self.found(), forces
+        if found is not None and diagnosis is found.diagnosis and drive.shot is not None:
+            self._panels.diagnosis.residuals.show_forces(drive.shot, before, after)
 
     def _explain(self, found: Diagnosed | None) -> None:
         """Fit the candidates of the diagnosis while no other job waits, and show their residuals."""

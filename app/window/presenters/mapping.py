@@ -1,13 +1,14 @@
 """Let the operator assign the channels of foreign files, i.e. of files from other programs."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import QObject, Slot
 
 from analysis.shot import Progress, Role, Stop
-from app.session import ChannelSummary, Job, SettingsStore, Workbench, summarise_channels
+from app.session import ChannelSummary, SettingsStore, Workbench, summarise_channels
 from app.window.layout import Layout
 from instrument.files import (
     FOLDER_MAPPING,
@@ -35,7 +36,7 @@ class MappingPresenter(QObject):
         self._workbench, self._store, self._sheet = workbench, store, panels.mapping
         self._waiting: list[Path] = []
         self._path: Path | None = None
-        self._job: Job | None = None
+        self._busy = False  # whether a job reads or saves
         self._sheet.applied.connect(self._applied)
 
     @Slot(object)
@@ -44,35 +45,46 @@ class MappingPresenter(QObject):
         self._waiting += paths
 
     def refresh(self) -> None:
-        """Collect the file that a job has read, and start the next one."""
-        job = self._job
-        if job is not None and job.done.is_set():
-            self._job = None
-            settings = self._store.settings
-            if isinstance(job.result, tuple):
-                contents, looks = job.result
-                self._sheet.ask(contents, settings.moving_mass_kg, settings.rest_frequency_hz, looks)
-            elif isinstance(job.result, Path):
-                self._sheet.hide()
-                self._workbench.open_paths([job.result])
-            elif job.problem and self._sheet.isVisible():
-                self._sheet.refuse(job.problem)
-        if self._job is None and self._waiting and not self._sheet.isVisible():
+        """Start reading the next file."""
+        if not self._busy and self._waiting and not self._sheet.isVisible():
             self._read(self._waiting.pop(0))
 
     def _read(self, path: Path) -> None:
         self._path = path
 
-        def work(_: Progress, __: Stop) -> tuple[ForeignContents, Sequence[ChannelSummary]] | Path:
+        def work(_: Progress, __: Stop) -> tuple[ForeignContents, Sequence[ChannelSummary]] | None:
             if is_foreign(path):  # a mapping for the folder may have been saved since
-                return path
+                return None
             contents = foreign_channels(path)
             try:
                 return contents, summarise_channels(contents)
             except Exception:  # a library may raise anything; channels can be assigned without a proposal
                 return contents, ()
 
-        self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")
+        def take(found: tuple[ForeignContents, Sequence[ChannelSummary]] | None) -> None:
+            if found is None:
+                self._open(path)
+                return
+            self._busy = False
+            contents, looks = found
+            settings = self._store.settings
+            self._sheet.ask(contents, settings.moving_mass_kg, settings.rest_frequency_hz, looks)
+
+        self._submit(path, work, take)
+
+    def _submit(self, path: Path, work: Callable[[Progress, Stop], object], take: Callable[[Any], None]) -> None:
+        self._busy = True
+        self._workbench.short_jobs.submit(path.name, work, "foreign", take, self._failed)
+
+    def _open(self, path: Path) -> None:
+        self._busy = False
+        self._sheet.hide()
+        self._workbench.open_paths([path])
+
+    def _failed(self, why: str | None) -> None:
+        self._busy = False
+        if why and self._sheet.isVisible():
+            self._sheet.refuse(why)
 
     def swap(self, path: Path, number: int) -> None:
         """Exchange PD0 and PD1 in the mapping of a file and repeat the analysis."""
@@ -88,15 +100,14 @@ class MappingPresenter(QObject):
     @Slot(object, bool)
     def _applied(self, mapping: ForeignMapping | MotionColumns, for_folder: bool) -> None:
         path = self._path
-        if path is None or self._job is not None:
+        if path is None or self._busy:
             return
 
-        def work(_: Progress, __: Stop) -> Path:
+        def work(_: Progress, __: Stop) -> None:
             if isinstance(mapping, MotionColumns):
                 save_columns(path, mapping)
             else:
                 read_foreign(path, mapping)  # raises before an invalid mapping is saved
                 write_mapping(mapping, path.with_name(FOLDER_MAPPING) if for_folder else mapping_path(path))
-            return path
 
-        self._job = self._workbench.short_jobs.submit(path.name, work, "foreign")
+        self._submit(path, work, lambda _: self._open(path))

@@ -27,9 +27,13 @@ class SelectionPresenter(QObject):
     def __init__(self, workbench: Workbench, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._panels = workbench, panels
-        self._spectra = ShotJob[Spectra](workbench.jobs, "spectrum")
-        self._raw_view = ShotJob[RawCurves](workbench.short_jobs, "raw signals")
-        self._drive = ShotJob[tuple[Shot, DriveCurves]](workbench.short_jobs, "force")
+        self._spectra = ShotJob[Spectra](workbench.jobs, "spectrum", self._take_spectra)
+        self._raw_view = ShotJob[RawCurves](
+            workbench.short_jobs, "raw signals", lambda _, curves: panels.shot.show_raw(curves)
+        )
+        self._drive = ShotJob[tuple[Shot, DriveCurves]](
+            workbench.short_jobs, "force", lambda _, drive: panels.shot.show_drive(*drive)
+        )
         self._shown: tuple[int, object, object] | None = None
         self._undrawn: set[int] = set()  # pages not yet drawn for the present selection
         self._raw: tuple[int, Recording | None] | None = None
@@ -39,22 +43,18 @@ class SelectionPresenter(QObject):
         panels.tabs.currentChanged.connect(self._page_changed)
 
     def refresh(self) -> None:
-        """Show the spectra, raw curves and modelled forces that jobs have computed."""
+        """Show that spectra are being computed, or which job they wait for."""
         front = self.front()
-        spectra = self._spectra.take()
-        if spectra is not None and (front is None or front.number != spectra[0].number):
-            self._spectra.forget()
-        elif spectra is not None:
-            self._panels.spectrum.show_spectra(spectra[1], spectra[0].shot, _title(spectra[0]))
-        elif self._spectra.job is not None and front is not None:
+        if self._spectra.job is not None and front is not None:
             words = self._workbench.jobs.waiting_words(self._spectra.job, f"the spectra of {front.name}")
             self._panels.spectrum.said.setText(words)
-        raw = self._raw_view.take()
-        if raw is not None:
-            self._panels.shot.show_raw(raw[1])
-        drive = self._drive.take()
-        if drive is not None:
-            self._panels.shot.show_drive(*drive[1])
+
+    def _take_spectra(self, entry: Entry, spectra: Spectra) -> None:
+        front = self.front()
+        if front is not None and front.number == entry.number:
+            self._panels.spectrum.show_spectra(spectra, entry.shot, _title(entry))
+        else:
+            self._spectra.forget()
 
     def front(self) -> Entry | None:
         """Return the last selected entry, which the panels show."""
@@ -163,13 +163,14 @@ class TablesPresenter(QObject):
         self._job: Job | None = None
 
     def refresh(self) -> None:
-        """Update the visible page and collect the result of the job."""
+        """Update the visible page, and show what the paper's numbers wait for."""
         page = self._panels.tabs.currentIndex()
         if page == Layout.BUDGET:
             self._show_budget()
         elif page == Layout.PAPER:
             self._ask_paper()
-        self._take_paper()
+        if self._job is not None:
+            self._panels.paper.said.setText(self._workbench.jobs.waiting_words(self._job, "the paper's numbers"))
 
     def _front_shot(self) -> Shot | None:
         entry = self._front()
@@ -195,23 +196,17 @@ class TablesPresenter(QObject):
             report("the paper's simulation", 0.2)
             return reproduce(shot)
 
-        self._workbench.jobs.cancel("paper")
-        self._job = self._workbench.jobs.submit("the paper", work, "paper")
+        if self._job is not None:
+            self._job.discard()
+        self._job = self._workbench.jobs.submit("the paper", work, "paper", self._take_paper, self._fail_paper)
 
-    def _take_paper(self) -> None:
-        job = self._job
-        if job is None:
-            return
-        if not job.done.is_set():
-            self._panels.paper.said.setText(self._workbench.jobs.waiting_words(job, "the paper's numbers"))
-            return
+    def _take_paper(self, reproduction: Reproduction) -> None:
         self._job = None
-        if isinstance(job.result, Reproduction) and not job.cancelled:
-            self._panels.paper.show_reproduction(job.result)
-        else:
-            self._panels.paper.said.setText(
-                f"not computed: {job.problem or 'cancelled'}; choose another shot to try again"
-            )
+        self._panels.paper.show_reproduction(reproduction)
+
+    def _fail_paper(self, why: str | None) -> None:
+        self._job = None
+        self._panels.paper.said.setText(f"not computed: {why or 'cancelled'}; choose another shot to try again")
 
 
 class PlotNotesPresenter(QObject):

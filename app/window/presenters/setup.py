@@ -6,7 +6,7 @@ import time
 from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.shot import Progress, Role, Stop
-from app.session import Job, Jobs, Rig, SettingsStore
+from app.session import Jobs, Rig, SettingsStore
 from app.window.layout import Layout
 from instrument.capture import Snapshot
 from instrument.devices import (
@@ -33,7 +33,7 @@ class SetupPresenter(QObject):
         super().__init__(parent)
         self._rig, self._store, self._short_jobs, self._sheet = rig, store, short_jobs, panels.setup
         self._find = found_devices
-        self._job: Job | None = None
+        self._looking = False
         self._found: tuple[FoundDevice, ...] = ()
         self._problem = ""
         self._typed = ""  # source of a typed address that has not answered yet
@@ -60,25 +60,27 @@ class SetupPresenter(QObject):
     @Slot()
     def look(self) -> None:
         """Search for devices, as a short job."""
-        if self._job is not None:
+        if self._looking:
             return
 
-        def work(_: Progress, __: Stop) -> tuple[FoundDevice, ...] | str:
+        def work(_: Progress, __: Stop) -> tuple[tuple[FoundDevice, ...] | None, str]:
             try:
-                return self._find()
+                return self._find(), ""
             except DigitizerError as error:
-                return f"{error.what}; {error.remedy}"
+                return None, f"{error.what}; {error.remedy}"
 
+        self._looking = True
         self._sheet.show_looking()
-        self._job = self._short_jobs.submit("looking for devices", work, "devices")
+        self._short_jobs.submit(
+            "looking for devices", work, "devices", lambda found: self._take_found(*found), self._failed
+        )
 
     def refresh(self, snapshot: Snapshot) -> None:
-        """Collect found devices and answering addresses; update the sheet while it is open."""
-        self._take_found()
+        """Store an address that has answered; update the sheet while it is open."""
         self._take_address()
         if not self._sheet.isVisible():
             return
-        if self._job is None and self._present != self._rig.source:
+        if not self._looking and self._present != self._rig.source:
             self._show_devices()
         now = time.monotonic()
         if now - self._judged_s >= JUDGED_EVERY_S:
@@ -86,17 +88,15 @@ class SetupPresenter(QObject):
             self._sheet.show_checks(*self._verdicts(snapshot))
             self._sheet.arm.setEnabled(self._rig.can_arm(snapshot))
 
-    def _take_found(self) -> None:
-        job = self._job
-        if job is None or not job.done.is_set():
-            return
-        self._job = None
-        if isinstance(job.result, tuple):
-            self._found, self._problem = job.result, ""
-            self._rig.remember_found(job.result)
-        else:
-            self._found, self._problem = (), str(job.result or job.problem or "it was cancelled")
+    def _take_found(self, found: tuple[FoundDevice, ...] | None, problem: str) -> None:
+        self._looking = False
+        self._found, self._problem = found or (), problem
+        if found is not None:
+            self._rig.remember_found(found)
         self._show_devices()
+
+    def _failed(self, why: str | None) -> None:
+        self._take_found(None, why or "it was cancelled")
 
     def _show_devices(self) -> None:
         self._present = self._rig.source

@@ -16,7 +16,7 @@ from app.report.exports import motion_file_names
 from app.session import candidate_residuals as remainders
 from app.session import kernels, load
 from app.session.candidate_residuals import CandidateResiduals, by_evidence
-from app.session.jobs import JobQueues, Jobs, ShotJob
+from app.session.jobs import JobQueues, ShotJob
 from app.session.log import NAME, ProgramLog, note
 from app.session.result_archive import kinds
 from app.session.result_cache import Key, ResultCache
@@ -120,6 +120,7 @@ def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
     def run():
         while work.jobs.open_jobs:
             pass
+        assert list(work.collect_results()) == []
 
     ends = []
     for _ in range(10):
@@ -143,9 +144,9 @@ def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
 
 
 def test_work_on_the_shot_in_view_is_begun_once_and_its_result_taken_once():
-    jobs = Jobs()
-    made = []
-    job = ShotJob(jobs, "spectrum")
+    queues = JobQueues(None)
+    jobs, made, taken = queues.jobs, [], []
+    job = ShotJob(jobs, "spectrum", lambda *result: taken.append(result))
 
     def twice(given):
         return lambda report, stop: made.append(given) or given * 2
@@ -153,19 +154,23 @@ def test_work_on_the_shot_in_view_is_begun_once_and_its_result_taken_once():
     one, two = SimpleNamespace(number=1, name="a"), SimpleNamespace(number=2, name="b")
     assert job.start(one, twice(10)) and not job.start(one, twice(11))
     assert job.job.name == "spectrum of a" and job.job.kind == "spectrum"
-    job.job.done.wait(60)
-    assert job.take() == (one, 20) and job.take() is None and not job.start(one, twice(12))
+
+    def ended(of):
+        assert of.job.done.wait(60)
+        return list(queues.collect_results())
+
+    assert ended(job) == [] and taken == [(one, 20)] and not job.start(one, twice(12))
     job.forget()
     assert job.start(one, twice(13))
     job.job.done.wait(60)
     assert job.start(two, twice(14)) and made[:2] == [10, 13]
     job.job.done.wait(60)
-    assert job.take() == (two, 28)
-    broken = ShotJob(jobs, "raw")
+    assert ended(job) == [] and taken == [(one, 20), (two, 28)]
+    broken = ShotJob(jobs, "raw", lambda *result: taken.append(result))
     assert broken.start(one, lambda *_: 1 / 0)
-    broken.job.done.wait(60)
-    assert broken.take() is None and broken.start(one, lambda *_: 1 / 0)  # it is tried again
-    jobs.close()
+    assert ended(broken) == ["raw of a: division by zero"] and len(taken) == 2
+    assert broken.start(one, lambda *_: 1 / 0)  # it is tried again
+    queues.close()
 
 
 def test_a_fit_that_was_stopped_is_made_as_a_job_and_another_one_is_taken(tmp_path, monkeypatch):

@@ -20,6 +20,7 @@ from app.window.theme import Tone
 from instrument.capture.acquisition import State
 from instrument.capture.snapshot import CapturedShot
 from instrument.devices.device_search import FoundDevice
+from instrument.devices.digitizer import DigitizerError
 from instrument.live.live_view import empty_view
 from tests.app import synthetic
 from tests.app.window.scene import (
@@ -332,15 +333,19 @@ def test_the_set_up_looks_for_devices_judges_and_arms(window, calls, monkeypatch
     monkeypatch.setattr(setup, "_find", lambda: asked.append(1) or found)
     panels.work.setup.click()
     assert panels.setup.isVisible() and not panels.setup.look.isEnabled()
-    settle(window, lambda: setup._job is None)
+    settle(window, lambda: not setup._looking)
     assert panels.setup._found.text() == "1 device found" and panels.setup.look.isEnabled()
     assert window.rig._found == (("hantek6022", "Hantek, USB 1-2"),)
     panels.setup.look.click()
-    settle(window, lambda: setup._job is None)
+    settle(window, lambda: not setup._looking)
     assert len(asked) == 2
-    monkeypatch.setattr(setup, "_find", lambda: "no bus; reboot")
+
+    def without_bus():
+        raise DigitizerError("no bus", "reboot")
+
+    monkeypatch.setattr(setup, "_find", without_bus)
     setup.look()
-    settle(window, lambda: setup._job is None)
+    settle(window, lambda: not setup._looking)
     assert panels.setup._found.text().endswith("The search for devices failed: no bus; reboot")
     monkeypatch.setattr(window.rig, "can_arm", lambda _: False)
     setup._judged_s = 0.0

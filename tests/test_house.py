@@ -172,7 +172,9 @@ def test_packages_import_in_one_order(top: str) -> None:
 
 def test_an_import_that_runs_back_is_seen() -> None:
     assert _runs_back("analysis.inference.fit.search", {"analysis.diagnosis.words"})
-    assert not _runs_back("analysis.diagnosis.words", {"analysis.inference.fit.search", "analysis.diagnosis.result"})
+    assert not _runs_back(
+        "analysis.diagnosis.findings.words", {"analysis.inference.fit.search", "analysis.diagnosis.findings.result"}
+    )
     assert _runs_back("analysis.paper.paper", {"analysis.pipeline.analyse"})
     assert _runs_back("instrument.live.live_thread", {"instrument.capture.snapshot.Snapshot"})
 
@@ -269,13 +271,13 @@ def test_a_way_back_through_levimass_is_seen(text: str, back: set[str]) -> None:
         ("from analysis.inference import fit", True),  # a folder inside
         ("from analysis import inference", True),  # as a whole
         ("import analysis.inference", True),
-        ("from analysis.diagnosis.words import plain", False),  # its own
+        ("from analysis.diagnosis.findings.words import plain", False),  # its own
         ("def f():\n    from levimass.settings import number", True),
         ("from analysis.pipeline import analyse", False),  # in no package
     ],
 )
 def test_an_import_past_a_package_is_seen(text: str, past: bool) -> None:
-    assert bool(_past("analysis.diagnosis.time_limit", text)) is past
+    assert bool(_past("analysis.diagnosis.search.time_limit", text)) is past
 
 
 def test_what_is_exported_is_used_outside() -> None:

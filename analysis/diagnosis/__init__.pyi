@@ -1,15 +1,15 @@
 from .diagnosis_of_shots import diagnose
-from .model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
-from .result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, Verdict
-from .result_file import diagnosis_result, prediction_test_result
+from .evidence.identifiability import separation
+from .evidence.prediction_errors import evaluate_predictions
+from .findings.criteria import CRITERIA
+from .findings.model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
+from .findings.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, PredictionTest, Verdict
+from .findings.result_file import diagnosis_result, prediction_test_result
+from .findings.wording import in_words, prediction_words, remark_on
+from .findings.words import EQUIVALENT_EFFECTS
 from .search.competing_models import fitted_instead
 from .search.forward_selection import Trail, without
-from .verdict.criteria import CRITERIA
-from .verdict.identifiability import separation
 from .verdict.indistinguishable import per_shot_cost
-from .verdict.prediction_errors import PredictionTest, evaluate_predictions
-from .wording import in_words, prediction_words, remark_on
-from .words import EQUIVALENT_EFFECTS
 
 __all__ = [
     "CRITERIA",

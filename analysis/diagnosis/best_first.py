@@ -12,16 +12,16 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
+from analysis.diagnosis.catalogue_search import Search, SearchResult
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
 from analysis.diagnosis.explanation import Explanation, explain_with_effects
-from analysis.diagnosis.learning.laws_outside_catalogue import explain_with_laws
+from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
+from analysis.diagnosis.findings.result import Verdict
+from analysis.diagnosis.laws_outside_catalogue import explain_with_laws
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.result import Verdict
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.scale_maxima import at_likeliest_scale
-from analysis.diagnosis.search.search import Search, SearchResult
 from analysis.diagnosis.verdict.acceptance import GatedFit, settle
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from analysis.inference import STILL_FRAME
 from analysis.shot import AnalysisError
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from analysis.collision import Acts, Effect, without_nuisances
+from analysis.diagnosis.evidence.cross_validation import choose
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import choose
+from analysis.diagnosis.search.time_limit import Limit
 from analysis.inference import (
     Fitted,
     JointData,

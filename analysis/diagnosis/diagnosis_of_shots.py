@@ -7,12 +7,12 @@ from analysis.collision import Effect, effects_named
 from analysis.diagnosis.best_first import BestFirst
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
 from analysis.diagnosis.driven import diagnose_driven
+from analysis.diagnosis.evidence.cross_validation import Prediction
+from analysis.diagnosis.evidence.residual import errors
 from analysis.diagnosis.explanation import Explanation
-from analysis.diagnosis.result import Diagnosis, Errors, Verdict
-from analysis.diagnosis.time_limit import SECONDS, Limit
+from analysis.diagnosis.findings.result import Diagnosis, Errors, Verdict
+from analysis.diagnosis.search.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict.alternatives import blind_spots, candidates
-from analysis.diagnosis.verdict.cross_validation import Prediction
-from analysis.diagnosis.verdict.residual import errors
 from analysis.fitted import vibration_of
 from analysis.inference import Fitted, Floor, as_fit
 from analysis.shot import AnalysisError, Motion, Progress, Shot, Stop, VibrationSpectrum

@@ -7,7 +7,9 @@ import numpy as np
 
 from analysis.collision import Effect
 from analysis.diagnosis.driven_search import LawSearch, Trial, look_alikes, search_laws
-from analysis.diagnosis.result import (
+from analysis.diagnosis.evidence.prediction_errors import force_errors
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import (
     Candidate,
     Diagnosis,
     DriveEvidence,
@@ -16,8 +18,6 @@ from analysis.diagnosis.result import (
     Standing,
 )
 from analysis.diagnosis.verdict.acceptance import conclude
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.prediction_errors import force_errors
 from analysis.drive import (
     GAIN_ERROR,
     LAWS,

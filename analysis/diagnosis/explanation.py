@@ -4,16 +4,16 @@ from dataclasses import dataclass
 
 from analysis.collision import Effect
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
-from analysis.diagnosis.result import FoundEffect, LearnedLaw, Remainder, Verdict
+from analysis.diagnosis.evidence.cross_validation import Predictions, predict
+from analysis.diagnosis.evidence.identifiability import Separation, missed_without
+from analysis.diagnosis.evidence.residual import Residual, remainder_of, residual_of
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import FoundEffect, LearnedLaw, Remainder, Verdict
 from analysis.diagnosis.search.competing_models import separations_of
 from analysis.diagnosis.search.forward_selection import Trail, without
 from analysis.diagnosis.search.scale_maxima import at_other_scales, with_std_over
 from analysis.diagnosis.verdict.acceptance import GatedFit, accepted_effects, exceeds_residual
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import Predictions, predict
-from analysis.diagnosis.verdict.identifiability import Separation, missed_without
 from analysis.diagnosis.verdict.indistinguishable import indistinguishable_effects
-from analysis.diagnosis.verdict.residual import Residual, remainder_of, residual_of
 from analysis.inference import Fitted, Linearised, effect_parameters, with_profile_std
 from analysis.shot import Quantity, Stop
 

@@ -1,20 +1,20 @@
 from .fit.added_effect import joined, refit, with_both_effects
-from .fit.arrow import Arrow, orthonormal
 from .fit.as_fit import as_fit, effect_parameters
-from .fit.base import OWN_NAMES, PLATE_NAMES, SearchStart, base_named, start_from_fit
-from .fit.course import Course
-from .fit.effective_parameters import Point, to_physical
 from .fit.first_fit import base_fit, first_fit
 from .fit.first_guesses import first_guesses
-from .fit.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
-from .fit.joint_data import JointData, frame_motions_of, joint_data, site_under
 from .fit.least_squares import free_to_move
-from .fit.normal_matrix import NormalMatrix
 from .fit.problem import Fitted, Linearised, Problem
 from .fit.profile import with_profile_std
 from .fit.relinearised_frame import with_frame_relinearised
-from .fit.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shots
 from .fit.shot_fit import fit_shots
+from .joint.joint_data import JointData, frame_motions_of, joint_data, site_under
+from .model.arrow import Arrow, orthonormal
+from .model.base import OWN_NAMES, PLATE_NAMES, SearchStart, base_named, start_from_fit
+from .model.course import Course
+from .model.effective_parameters import Point, to_physical
+from .model.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
+from .model.normal_matrix import NormalMatrix
+from .model.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shots
 from .noise.floor import Floor, white_floor
 from .noise.per_shot_acceleration import per_shot_nuisances
 from .noise.site import STILL_FRAME, Site

@@ -6,7 +6,7 @@ import numpy as np
 
 from analysis.collision.effects import effect_named
 from analysis.collision.laws.user_law import law_from_table
-from analysis.diagnosis.result import (
+from analysis.diagnosis.findings.result import (
     BlindSpot,
     Candidate,
     Diagnosis,

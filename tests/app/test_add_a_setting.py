@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.diagnosis.model_file import SavedModel, from_text, to_text
-from analysis.diagnosis.result import Errors
+from analysis.diagnosis.findings.model_file import SavedModel, from_text, to_text
+from analysis.diagnosis.findings.result import Errors
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import PlotNote
 from app.command_line import options, parser

@@ -11,8 +11,8 @@ import levimass
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.parameters import PAPER
 from analysis.collision.solver import general
-from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.diagnosis.result import FoundEffect, Verdict
+from analysis.diagnosis.findings.model_file import from_text, saved, to_text
+from analysis.diagnosis.findings.result import FoundEffect, Verdict
 from analysis.shot.quantity import Quantity
 from app.report.page import report_of
 from app.session.session import Session

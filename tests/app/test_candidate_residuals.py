@@ -11,7 +11,7 @@ from PySide6.QtGui import QColor, QEnterEvent, QFocusEvent
 from PySide6.QtWidgets import QApplication, QLabel, QPushButton, QWidget
 
 from analysis.collision.effects import CATALOGUE
-from analysis.diagnosis.result import Candidate, FoundEffect
+from analysis.diagnosis.findings.result import Candidate, FoundEffect
 from analysis.drive.catalogue import LAWS
 from app.session import candidate_residuals
 from app.session.candidate_residuals import CandidateResidual, CandidateResiduals, by_evidence

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 
-from analysis.diagnosis.result import Errors
+from analysis.diagnosis.findings.result import Errors
 from analysis.shot.quantity import Quantity
 from analysis.shot.version import program_version
 from analysis.uncertainty import combined_uncertainties

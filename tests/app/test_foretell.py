@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.prediction_errors import PredictionTest, evaluate_predictions
-from analysis.diagnosis.wording import prediction_words
+from analysis.diagnosis.evidence.prediction_errors import evaluate_predictions
+from analysis.diagnosis.findings.model_file import from_text, saved, to_text
+from analysis.diagnosis.findings.result import Errors, PredictionTest
+from analysis.diagnosis.findings.wording import prediction_words
 from analysis.drive.driven_fit import fit_driven
 from analysis.shot.shot import AnalysisError
 from app.command_line.cli import main

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.diagnosis.result import (
+from analysis.diagnosis.findings.result import (
     BlindSpot,
     Freedom,
     Phase,

@@ -11,7 +11,7 @@ import pytest
 
 from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER_EFFECTS, effect_named
 from analysis.collision.laws.user_law import law_from_table
-from analysis.diagnosis.model_file import from_text, saved, to_text
+from analysis.diagnosis.findings.model_file import from_text, saved, to_text
 from analysis.drive.catalogue import GAIN_ERROR, LAWS
 from analysis.report import fit_result
 from analysis.shot.quantity import Quantity

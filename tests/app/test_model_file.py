@@ -9,7 +9,7 @@ from PySide6.QtWidgets import QFileDialog, QLineEdit
 from pytestqt.qtbot import QtBot
 
 from analysis.collision.effects import CATALOGUE
-from analysis.diagnosis.model_file import from_text, saved, to_text
+from analysis.diagnosis.findings.model_file import from_text, saved, to_text
 from analysis.drive.catalogue import LAWS
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisError

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.model_file import SavedModel, saved
+from analysis.diagnosis.findings.model_file import SavedModel, saved
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.workbench import Workbench

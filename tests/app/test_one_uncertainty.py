@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.diagnosis.model_file import from_text
+from analysis.diagnosis.findings.model_file import from_text
 from analysis.paper.paper import reproduce
 from analysis.report import result
 from analysis.shot.quantity import Quantity

@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QLabel, QPushButton
 
 from analysis.collision.effects import effect_named
 from analysis.collision.laws.user_law import law_from_table
-from analysis.diagnosis.result import Candidate, Errors, Verdict
+from analysis.diagnosis.findings.result import Candidate, Errors, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.shot.impact import Disturbance, VibrationSpectrum

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.diagnosis.model_file import from_text
+from analysis.diagnosis.findings.model_file import from_text
 from analysis.fitted.fitted_shot import fit_jointly, read_with, with_fit
 from analysis.fitted.readings_from_fit import fitted_contact_cor
 from analysis.pipeline import analyse_motion

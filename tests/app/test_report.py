@@ -13,7 +13,7 @@ import pytest
 
 from analysis.collision.effects import effects_named
 from analysis.collision.effects.row import Acts, Effect
-from analysis.diagnosis.result import BlindSpot, FoundEffect, Remainder
+from analysis.diagnosis.findings.result import BlindSpot, FoundEffect, Remainder
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Air, Plate, Setup
 from analysis.uncertainty.gum_budget import budget

@@ -7,8 +7,7 @@ from dataclasses import replace
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.prediction_errors import PredictedShot, PredictionTest
+from analysis.diagnosis.findings.result import Errors, PredictedShot, PredictionTest
 from analysis.shot.quantity import Quantity
 from analysis.uncertainty import budget, series
 from app.report.diagnosis_section import diagnosis_section, error_rows, prediction_section

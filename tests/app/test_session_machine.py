@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.result import Diagnosis, Verdict
+from analysis.diagnosis.findings.result import Diagnosis, Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.verdict_basis import diagnose_shots

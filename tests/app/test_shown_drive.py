@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import CATALOGUE
-from analysis.diagnosis.result import Candidate, Verdict
+from analysis.diagnosis.findings.result import Candidate, Verdict
 from analysis.drive.curves import DriveCurves
 from analysis.drive.repeatability import Repeatability
 from app.window.panels.next_steps import ANOTHER_SHOT, NextSteps

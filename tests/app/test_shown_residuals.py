@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.diagnosis.result import Errors
+from analysis.diagnosis.findings.result import Errors
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty import diagnosis_band
 from app.report.shot_figures import contact_span_ms, deflection_of

@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 
 from analysis.collision.effects import CATALOGUE, WIDER_EFFECTS
-from analysis.diagnosis.result import Candidate, Verdict
+from analysis.diagnosis.findings.result import Candidate, Verdict
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves
 from analysis.shot.shot import PlotNote

@@ -7,7 +7,7 @@ import pytest
 from PySide6.QtCore import Qt
 
 from analysis.collision.effects import effect_named, effects_named
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.findings.result import Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.report.diagnosis_section import diagnosis_section
 from app.session.session import Session

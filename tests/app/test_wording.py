@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from PySide6.QtCore import QLocale
 
-from analysis.diagnosis import words
-from analysis.diagnosis.result import Remainder, Verdict
+from analysis.diagnosis.findings import words
+from analysis.diagnosis.findings.result import Remainder, Verdict
 from analysis.shot.quantity import NotSeen, Quantity
 from app.session.verdict_basis import verdict_of
 from app.words import model_texts, wording

@@ -16,7 +16,7 @@ HOUSE = Path(__file__).resolve().parents[2]
 WRITER = """
 import json, sys
 from pathlib import Path
-from analysis.diagnosis.model_file import saved, to_text
+from analysis.diagnosis.findings.model_file import saved, to_text
 from analysis.report import result
 from app.report.exports import export
 from app.report.exports import export_hdf5

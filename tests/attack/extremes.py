@@ -12,11 +12,11 @@ import numpy as np
 from analysis.collision.laws.user_law import LawError, known_effect, law_from_table
 from analysis.collision.parameters import PAPER
 from analysis.collision.solver import general
-from analysis.diagnosis.model_file import from_text
-from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
-from analysis.diagnosis.wording import prediction_words
+from analysis.diagnosis.evidence.prediction_errors import evaluate_predictions
+from analysis.diagnosis.findings.model_file import from_text
+from analysis.diagnosis.findings.wording import prediction_words
 from analysis.fitted.fit_time import run_with_time_limit
-from analysis.inference.fit.free_parameters import trial_effects
+from analysis.inference.model.free_parameters import trial_effects
 from analysis.shot.shot import AnalysisError, AnalysisSettings
 from app.session.load import load_and_analyse
 from tests.analysis.synthetic_collision import Synthetic, motion_of, position_m

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from analysis.diagnosis.wording import in_words
+from analysis.diagnosis.findings.wording import in_words
 from tests.benchmarks.kept_runs import kept_runs
 from tests.benchmarks.loop_score import Share
 

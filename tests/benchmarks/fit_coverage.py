@@ -10,12 +10,12 @@ import time
 import numpy as np
 
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import base_named
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.floor import Floor
 from analysis.shot.fit import Fit
 from analysis.shot.quantity import Quantity

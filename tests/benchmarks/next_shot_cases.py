@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from analysis.diagnosis.result import Diagnosis
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.inference.fit.samples import Samples, averaged_shots
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import Diagnosis
+from analysis.inference.model.samples import Samples, averaged_shots
 from analysis.planning.distances import screen_shots
 from analysis.planning.model_comparison import compare_models
 from analysis.planning.next_shot import NextShot, Reach, contact_s, first_indistinguishable

@@ -17,8 +17,8 @@ from analysis.collision.effects import effect_named, effects_named
 from analysis.collision.effects.row import Acts, SensorInput
 from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.problem import Fitted
-from analysis.inference.fit.samples import Samples
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.planning.model_comparison import ComparedModel, ModelComparison, compare_models, refit_diagnosed, rivals
 from analysis.planning.next_shot import NextShot, Reach, next_shots

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.samples import Samples, averaged_shots
+from analysis.inference.model.base import base_named
+from analysis.inference.model.samples import Samples, averaged_shots
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import Sway, frame_response_of

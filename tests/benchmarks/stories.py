@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Diagnosis, Errors
-from analysis.diagnosis.wording import in_words
+from analysis.diagnosis.findings.result import Diagnosis, Errors
+from analysis.diagnosis.findings.wording import in_words
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings
 from analysis.signal.demodulation import demodulate

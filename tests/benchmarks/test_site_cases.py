@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.model.samples import averaged_shots
 from tests.benchmarks import site_cases
 from tests.benchmarks.site_cases import Case, draw, norms
 

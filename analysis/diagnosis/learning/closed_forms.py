@@ -12,9 +12,9 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from analysis.collision import FORMS, Argument, Form
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.diagnosis.learning.curve_motion import places_of
-from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import orthonormal
 from analysis.shot import Floats
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from analysis.collision import Infeasible, LawError
 from analysis.compiled import side_by_side
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.learning.closed_forms import Fitting
 from analysis.diagnosis.learning.curve_fit import Learned
-from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Point, Problem, trial_effect
 from analysis.shot import Cancelled, Stop
 

@@ -17,15 +17,15 @@ import numpy as np
 
 from analysis.collision import ARGUMENTS, Argument, Infeasible
 from analysis.compiled import side_by_side
+from analysis.diagnosis.evidence.cross_validation import Predictions, predict
+from analysis.diagnosis.evidence.residual import Residual, residual_of
+from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
+from analysis.diagnosis.findings.result import LearnedLaw
 from analysis.diagnosis.learning.closed_forms import Fitting, likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import fit_with_motions
 from analysis.diagnosis.learning.form_fits import fit_forms, refit_resolving_kinks
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned
-from analysis.diagnosis.result import LearnedLaw
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
-from analysis.diagnosis.verdict.cross_validation import Predictions, predict
-from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted, with_frame_relinearised
 from analysis.shot import Cancelled, Progress, Stop
 

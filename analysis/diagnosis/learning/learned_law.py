@@ -6,11 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.collision import Argument, UserLaw
+from analysis.diagnosis.evidence.cross_validation import Prediction
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import LearnedLaw, OtherForm
 from analysis.diagnosis.learning.closed_forms import Fitting, gauge, information
 from analysis.diagnosis.learning.curve_fit import Learned
-from analysis.diagnosis.result import LearnedLaw, OtherForm
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.inference import Fitted
 from analysis.shot import Floats, Quantity
 

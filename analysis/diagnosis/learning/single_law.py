@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 
+from analysis.diagnosis.evidence.identifiability import separation
+from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.diagnosis.learning.law_learning import (
     Discovery,
@@ -17,9 +19,7 @@ from analysis.diagnosis.learning.law_learning import (
     rough_curves,
 )
 from analysis.diagnosis.learning.two_laws import two_curves
-from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
-from analysis.diagnosis.verdict.identifiability import separation
+from analysis.diagnosis.search.time_limit import Limit
 from analysis.inference import Fitted, TrialEffect
 from analysis.shot import Progress, Stop
 

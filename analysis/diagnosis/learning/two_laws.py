@@ -11,6 +11,9 @@ import numpy as np
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
+from analysis.diagnosis.evidence.cross_validation import Predictions, predict
+from analysis.diagnosis.evidence.residual import residual_of
+from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
 from analysis.diagnosis.learning.closed_forms import likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
 from analysis.diagnosis.learning.curve_motion import Term, fit_with_motions
@@ -28,9 +31,6 @@ from analysis.diagnosis.learning.law_learning import (
 )
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned, in_joint_fit
 from analysis.diagnosis.search.forward_selection import without_effect
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
-from analysis.diagnosis.verdict.cross_validation import Predictions, predict
-from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference import Fitted
 from analysis.shot import Progress, Stop
 

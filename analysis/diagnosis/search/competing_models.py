@@ -8,11 +8,11 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from analysis.collision import Effect, Infeasible
+from analysis.diagnosis.evidence.identifiability import Separation, separation
+from analysis.diagnosis.evidence.residual import Residual, residual_of
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.search.forward_selection import Trail, better, without
 from analysis.diagnosis.search.scale_maxima import apart
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.identifiability import Separation, separation
-from analysis.diagnosis.verdict.residual import Residual, residual_of
 from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 from analysis.shot import Cancelled, Stop
 

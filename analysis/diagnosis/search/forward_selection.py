@@ -9,8 +9,8 @@ from typing import TypeVar
 
 from analysis.collision import CATALOGUE, WIDER_EFFECTS, Effect, Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
+from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
+from analysis.diagnosis.search.time_limit import Limit
 from analysis.inference import (
     Fitted,
     Floor,

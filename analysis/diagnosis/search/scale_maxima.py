@@ -14,8 +14,8 @@ import numpy as np
 
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.search.forward_selection import WORTH_FINISHING, Trail, better, converge, without
-from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 
 Start = tuple[Mapping[str, float], ...]  # an effect's values for each shot

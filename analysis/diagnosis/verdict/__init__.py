@@ -1,1 +1,1 @@
-"""The verdict of a diagnosis: validation shots, look-alikes, residual tests, and the criteria that decide."""
+"""The verdict: which effects are accepted, and which others would explain the shots as well."""

@@ -8,7 +8,11 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from analysis.compiled import side_by_side
-from analysis.diagnosis.result import FoundEffect, LearnedLaw, Verdict
+from analysis.diagnosis.evidence.cross_validation import Predictions, predict
+from analysis.diagnosis.evidence.identifiability import missed_without, snr
+from analysis.diagnosis.evidence.residual import Residual, residual_of
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import FoundEffect, LearnedLaw, Verdict
 from analysis.diagnosis.search.competing_models import (
     Separations,
     alternative_without_misfit,
@@ -23,11 +27,7 @@ from analysis.diagnosis.search.forward_selection import (
     restart_from_other_effects,
     without,
 )
-from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import Predictions, predict
-from analysis.diagnosis.verdict.identifiability import missed_without, snr
-from analysis.diagnosis.verdict.residual import Residual, residual_of
+from analysis.diagnosis.search.time_limit import Limit
 from analysis.inference import Fitted, Linearised
 from analysis.shot import Progress
 

@@ -6,9 +6,9 @@ import numpy as np
 
 from analysis.collision import Effect
 from analysis.compiled import side_by_side
-from analysis.diagnosis.result import BlindSpot, Candidate, Standing
+from analysis.diagnosis.evidence.identifiability import least_seen
+from analysis.diagnosis.findings.result import BlindSpot, Candidate, Standing
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.verdict.identifiability import least_seen
 from analysis.inference import Fitted, Linearised, Score, TrialEffect, effect_parameters
 from analysis.shot import Floats, Quantity
 

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.collision import Effect
+from analysis.diagnosis.evidence.identifiability import Separation
+from analysis.diagnosis.evidence.residual import Residual
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.search.competing_models import fitted_instead
 from analysis.diagnosis.search.forward_selection import Trail, without
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.identifiability import Separation
-from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference import Fitted
 from analysis.shot import Floats
 

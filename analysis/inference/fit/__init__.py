@@ -1,1 +1,1 @@
-"""Fit models to one shot or to several shots jointly."""
+"""Fits of one shot or of several jointly: the problem, its starts, its minimum, and an effect added to it."""

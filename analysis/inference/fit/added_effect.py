@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
-from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.least_squares import Minimum, Square
+from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import COMPARABLE, Fitted, Linearised, Problem
+from analysis.inference.model.arrow import Arrow
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.free_parameters import TrialEffect
+from analysis.inference.model.normal_matrix import Square
 from analysis.inference.screen.screening import distinct_starts
 from analysis.shot import Cancelled, Floats, Stop
 

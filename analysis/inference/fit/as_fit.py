@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.collision import Effect, Parameter
-from analysis.inference.fit.base import OWN_NAMES
-from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.problem import Fitted, Problem
-from analysis.inference.fit.response import Response
-from analysis.inference.fit.samples import Samples
+from analysis.inference.model.base import OWN_NAMES
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.response import Response
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.shot import NOT_CONVERGED, Fit, Floats, Motion, Overlay, Quantity, ShotFit
 from analysis.signal import derivatives

@@ -14,13 +14,13 @@ from functools import cache
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
-from analysis.inference.fit.base import PLATES_RELIABLE_CHI2, Plates, SearchStart, base_named
-from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_guesses import first_guesses, resembling_candidates
-from analysis.inference.fit.free_parameters import trials_of
-from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted, Problem
-from analysis.inference.fit.samples import Samples
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import PLATES_RELIABLE_CHI2, Plates, SearchStart, base_named
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.free_parameters import trials_of
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import STILL_FRAME, Site

@@ -15,13 +15,13 @@ import numpy as np
 
 from analysis.collision import PAPER, Collision, Infeasible, TooManyEvents, solve
 from analysis.compiled import side_by_side
-from analysis.inference.fit.base import Base
-from analysis.inference.fit.course import Course, NoCollision
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import Samples
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import Base
+from analysis.inference.model.course import Course, NoCollision
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import white_floor
 from analysis.shot import Cancelled, Floats, Stop
 from analysis.signal import MIN_NOISE_M

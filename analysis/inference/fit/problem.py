@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Effect
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.least_squares import Minimum, StopEarly, minimise
-from analysis.inference.fit.samples import Samples
-from analysis.inference.fit.weighted_model import ModelAtVector, WeightedModel
+from analysis.inference.joint.weighted_model import ModelAtVector, WeightedModel
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.free_parameters import TrialEffect
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor, LikeliestFloor
 from analysis.inference.noise.frame_strengths import LikelyStrengths, learn, likely_strengths
 from analysis.inference.screen import screening

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.collision import Infeasible
-from analysis.inference.fit.base import Plates
 from analysis.inference.fit.problem import Fitted
+from analysis.inference.model.base import Plates
 from analysis.inference.noise.sway import on_site
 from analysis.shot import Stop
 

@@ -14,14 +14,14 @@ import numpy as np
 from analysis.collision import MAX_EFFECTS, Effect, Infeasible, effect_named, effects_named, without_nuisances
 from analysis.inference.fit.added_effect import joined
 from analysis.inference.fit.as_fit import as_fit
-from analysis.inference.fit.base import Plates
-from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.first_fit import BIASED_CHI2, first_fit, likeliest_plates
-from analysis.inference.fit.free_parameters import trial_effect, trials_of
-from analysis.inference.fit.joint_data import joint_data, resolves_frame_motion, site_under
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
-from analysis.inference.fit.samples import FINE_RATE_HZ, averaged_shots
+from analysis.inference.joint.joint_data import joint_data, resolves_frame_motion, site_under
+from analysis.inference.model.base import Plates
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.free_parameters import trial_effect, trials_of
+from analysis.inference.model.samples import FINE_RATE_HZ, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import on_site

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 from numba import njit
 
-from analysis.inference.fit.samples import Samples
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.kalman import Mask
 from analysis.inference.noise.site import STILL_FRAME, Site

@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.compiled import side_by_side
-from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.normal_matrix import Places
-from analysis.inference.fit.samples import Samples
+from analysis.inference.model.arrow import Arrow
+from analysis.inference.model.normal_matrix import Places
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import MOST_PARTS, Floor, LikeliestFloor, likeliest_floor, white_floor, with_parts
 from analysis.inference.noise.likeliest import LONGEST_TAU_S, SHORTEST_TAU_S
 from analysis.inference.noise.site import Site

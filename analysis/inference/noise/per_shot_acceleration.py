@@ -14,7 +14,7 @@ from scipy.optimize import lsq_linear
 from scipy.special import chdtri
 
 from analysis.collision import NUISANCES, Effect
-from analysis.inference.fit.samples import Samples
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import likeliest_floor, white_floor
 from analysis.shot import Floats
 

@@ -18,10 +18,10 @@ from scipy.linalg.lapack import dpstrf
 
 from analysis.collision import effect_named
 from analysis.compiled import side_by_side, solve_triangle
-from analysis.inference.fit.base import Base, Plates
-from analysis.inference.fit.effective_parameters import Point, Values
-from analysis.inference.fit.response import ShotModel, respond
-from analysis.inference.fit.samples import Samples
+from analysis.inference.model.base import Base, Plates
+from analysis.inference.model.effective_parameters import Point, Values
+from analysis.inference.model.response import ShotModel, respond
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.frame_response import plate_swing_std, responses
 from analysis.inference.noise.site import Site

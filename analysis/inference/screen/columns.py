@@ -12,9 +12,9 @@ import numpy as np
 
 from analysis.collision import Effect, Infeasible, LinearPath
 from analysis.compiled import side_by_side
-from analysis.inference.fit.effective_parameters import Point, to_physical
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.weighted_model import WeightedModel
+from analysis.inference.joint.weighted_model import WeightedModel
+from analysis.inference.model.effective_parameters import Point, to_physical
+from analysis.inference.model.free_parameters import TrialEffect
 from analysis.inference.screen import first_order
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column

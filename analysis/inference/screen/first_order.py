@@ -10,8 +10,8 @@ import numpy as np
 
 from analysis.collision import Effect, LinearPath, first_order_change
 from analysis.collision import steps_per_sample as steps_of
-from analysis.inference.fit.optics import change_shown
-from analysis.inference.fit.response import ShotModel
+from analysis.inference.model.optics import change_shown
+from analysis.inference.model.response import ShotModel
 from analysis.shot import Floats
 
 

@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 
 from analysis.compiled import side_by_side
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.samples import Samples
+from analysis.inference.model.free_parameters import TrialEffect
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column

@@ -7,8 +7,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from analysis.inference.fit.arrow import Arrow, OrthonormalBasis
-from analysis.inference.fit.weighted_model import Lines, ModelAtVector, WeightedModel
+from analysis.inference.joint.weighted_model import Lines, ModelAtVector, WeightedModel
+from analysis.inference.model.arrow import Arrow, OrthonormalBasis
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
 

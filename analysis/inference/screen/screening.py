@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.compiled import side_by_side
-from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.free_parameters import TrialEffect
+from analysis.inference.model.arrow import Arrow
+from analysis.inference.model.free_parameters import TrialEffect
 from analysis.inference.screen.columns import (
     KNOWN_PATH,
     MANY_STARTS,

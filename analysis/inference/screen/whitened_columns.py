@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.inference.fit.samples import Samples
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
 

@@ -10,8 +10,8 @@ from analysis.collision.effects import CATALOGUE, WIDER_EFFECTS, effect_named, o
 from analysis.collision.effects.kernel import Q_RATE, W_RATE, Q, W
 from analysis.collision.effects.on_sensor import plate_on_frame, plate_response_to_frame
 from analysis.collision.parameters import Variant
-from analysis.inference.fit.base import TwoBodies
-from analysis.inference.fit.response import ShotModel, respond
+from analysis.inference.model.base import TwoBodies
+from analysis.inference.model.response import ShotModel, respond
 from instrument.bench import frame
 from instrument.bench.mechanics import Trajectory
 from tests.analysis.inference.shown import samples_at

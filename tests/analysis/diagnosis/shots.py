@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.inference.fit import first_fit as begin
-from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import first_fit
-from analysis.inference.fit.free_parameters import trial_effects
-from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted
-from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import base_named
+from analysis.inference.model.free_parameters import trial_effects
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot.motion import Motion
 from analysis.shot.shot import AnalysisSettings

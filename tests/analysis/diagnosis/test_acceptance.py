@@ -8,11 +8,11 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.collision.effects.row import Effect
-from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
+from analysis.diagnosis.evidence.lack_of_fit import LackOfFit
+from analysis.diagnosis.evidence.residual import Residual
+from analysis.diagnosis.findings.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import acceptance
-from analysis.diagnosis.verdict.lack_of_fit import LackOfFit
-from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference.noise.floor import Floor
 from tests.analysis.diagnosis.shots import calm
 

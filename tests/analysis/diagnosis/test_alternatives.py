@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.result import Standing
+from analysis.diagnosis.findings.result import Standing
 from analysis.diagnosis.verdict import alternatives as module
 from analysis.diagnosis.verdict.alternatives import averaged_to, blind_spots, candidates, curve_of_fit
 from tests.analysis.diagnosis.shots import KINDS

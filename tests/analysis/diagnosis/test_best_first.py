@@ -8,8 +8,8 @@ import pytest
 
 from analysis.diagnosis import best_first as module
 from analysis.diagnosis.best_first import BestFirst, Branch
-from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import Verdict
 from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot import AnalysisError
 

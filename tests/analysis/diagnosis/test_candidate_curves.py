@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Candidate
-from analysis.diagnosis.result_file import diagnosis_result
+from analysis.diagnosis.findings.result import Candidate
+from analysis.diagnosis.findings.result_file import diagnosis_result
 from analysis.diagnosis.verdict import alternatives
 from analysis.diagnosis.verdict.alternatives import POINTS, averaged_to, curve_of_fit, curve_to_first_order
 from analysis.inference.fit.added_effect import refit

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from analysis.collision.effects import CATALOGUE
-from analysis.inference.fit.free_parameters import trial_effects
+from analysis.inference.model.free_parameters import trial_effects
 from tests.pages import check_part, page
 
 

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.diagnosis import words
-from analysis.diagnosis.result import FoundEffect, Verdict
-from analysis.diagnosis.verdict import acceptance, criteria
+from analysis.diagnosis.findings import criteria, words
+from analysis.diagnosis.findings.result import FoundEffect, Verdict
+from analysis.diagnosis.verdict import acceptance
 from analysis.shot.quantity import Quantity
 from tests.analysis.diagnosis import test_conclusion
 from tests.app import synthetic

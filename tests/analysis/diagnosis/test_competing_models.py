@@ -1,10 +1,10 @@
 """A look-alike is fitted in an effect's place, and takes it where it does better."""
 
 from analysis.collision.effects import effect_named, effects_named
+from analysis.diagnosis.evidence.identifiability import Separation, separation
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.search.competing_models import _nearest, with_look_alikes_tried
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.identifiability import Separation, separation
 from analysis.inference.fit.added_effect import refit
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 

@@ -11,11 +11,11 @@ from typing import Any, cast
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.diagnosis import words
-from analysis.diagnosis.learning import laws_outside_catalogue as beyond
-from analysis.diagnosis.result import Errors, FoundEffect, Freedom, Remainder, Verdict
-from analysis.diagnosis.result_file import diagnosis_result
-from analysis.diagnosis.time_limit import Limit
+from analysis.diagnosis import laws_outside_catalogue as beyond
+from analysis.diagnosis.findings import words
+from analysis.diagnosis.findings.result import Errors, FoundEffect, Freedom, Remainder, Verdict
+from analysis.diagnosis.findings.result_file import diagnosis_result
+from analysis.diagnosis.search.time_limit import Limit
 from analysis.diagnosis.verdict.acceptance import conclude
 from analysis.shot.quantity import Quantity
 from tests.app import synthetic
@@ -71,10 +71,10 @@ WORDS = ("words", "driven_words", "contact_laws", "wording", "result_file")
 
 def test_what_decides_imports_no_words() -> None:
     """... but for the verdict in words that a script may ask a diagnosis for."""
-    module = re.compile(rf"from analysis\.diagnosis(\.| import )({'|'.join(WORDS)})\b")
+    module = re.compile(rf"from analysis\.diagnosis\.findings(\.| import )({'|'.join(WORDS)})\b")
     sources = {source: source.read_text(encoding="utf-8") for source in (ANALYSIS / "diagnosis").rglob("*.py")}
     assert {source.stem for source, text in sources.items() if module.search(text)} - {*WORDS} == {"result"}
-    assert sources[ANALYSIS / "diagnosis" / "result.py"].count("import in_words") == 1
+    assert sources[ANALYSIS / "diagnosis" / "findings" / "result.py"].count("import in_words") == 1
 
 
 class _Law(SimpleNamespace):

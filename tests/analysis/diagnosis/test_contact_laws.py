@@ -7,8 +7,8 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.collision.laws.user_law import law_from_table
-from analysis.diagnosis.contact_laws import sentence
-from analysis.diagnosis.result import FoundEffect, LearnedLaw
+from analysis.diagnosis.findings.contact_laws import sentence
+from analysis.diagnosis.findings.result import FoundEffect, LearnedLaw
 from analysis.shot.quantity import Quantity
 
 LAW = law_from_table(

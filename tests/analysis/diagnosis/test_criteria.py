@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from analysis.collision.effects import CATALOGUE
+from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
 from tests.pages import check_part, page
 
 PAGE = "how-a-diagnosis-decides.md"
@@ -69,14 +69,14 @@ def test_an_effect_of_a_longer_catalogue_pays_more(tried: int) -> None:
 # Where an effect's name may stand: its row and what is said of it in words.  Beyond: a plate's motion is a state at the
 # touch, which the integrators take by name, and a driven slider has a catalogue and words of its own.
 ROWS = {f"analysis/collision/effects/{name}.py" for name in ("on_block", "on_plate", "in_contact", "on_sensor")}
-WORDS = {"analysis/diagnosis/words.py"}
+WORDS = {"analysis/diagnosis/findings/words.py"}
 ALLOWED = (
     ROWS
     | WORDS
     | {
         "analysis/drive/catalogue.py",
-        "analysis/diagnosis/driven_words.py",
-        "analysis/diagnosis/contact_laws.py",
+        "analysis/diagnosis/findings/driven_words.py",
+        "analysis/diagnosis/findings/contact_laws.py",
     }
 )
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from analysis.collision import Infeasible
-from analysis.diagnosis.verdict import cross_validation
-from analysis.diagnosis.verdict.cross_validation import Prediction, _PredictionUncertainty, choose, predict
+from analysis.diagnosis.evidence import cross_validation
+from analysis.diagnosis.evidence.cross_validation import Prediction, _PredictionUncertainty, choose, predict
 from analysis.inference import NormalMatrix
 
 

@@ -11,7 +11,7 @@ from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning.curve_equations import CurveEquations, whitened_residual
 from analysis.diagnosis.learning.curve_motion import Term
 from analysis.diagnosis.learning.penalised_step import penalised_step
-from analysis.inference.fit.arrow import Arrow
+from analysis.inference.model.arrow import Arrow
 
 PLACE = next(one for one in ARGUMENTS if (one.where, one.name) == ("block", "place"))
 BASIS = Basis(tuple(np.linspace(0.0, 1.0, 7)))

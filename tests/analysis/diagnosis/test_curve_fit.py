@@ -16,11 +16,11 @@ from analysis.diagnosis.learning import curve_fit
 from analysis.diagnosis.learning.curve_equations import CurveEquations
 from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, fit_with_motions
 from analysis.diagnosis.learning.penalised_step import penalised_step
-from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
-from analysis.inference.fit.joint_data import JointData
-from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.arrow import Arrow
+from analysis.inference.model.base import base_named
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot import Cancelled
 from tests.law_rigs import LawRig

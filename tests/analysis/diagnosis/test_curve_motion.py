@@ -12,7 +12,7 @@ from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import graded_basis, visited_range
 from analysis.diagnosis.learning import curve_motion as module
 from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term
-from analysis.inference.fit.arrow import Arrow
+from analysis.inference.model.arrow import Arrow
 
 PLACE = next(one for one in ARGUMENTS if (one.where, one.name) == ("block", "place"))
 BEND = next(one for one in ARGUMENTS if one.where == "plate" and not one.touching)

@@ -6,9 +6,9 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.result_file import diagnosis_result
-from analysis.diagnosis.wording import in_words
+from analysis.diagnosis.findings.result import Verdict
+from analysis.diagnosis.findings.result_file import diagnosis_result
+from analysis.diagnosis.findings.wording import in_words
 from analysis.shot.shot import Cancelled
 from tests.analysis.diagnosis.shots import WHITE_M, shots
 

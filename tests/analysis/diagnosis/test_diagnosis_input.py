@@ -9,7 +9,7 @@ import pytest
 from analysis.collision.effects import CATALOGUE, effect_named
 from analysis.diagnosis import diagnosis_input as module
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.drive import LAWS
 from tests.analysis.collision.laws.test_user_law import law_from_table
 

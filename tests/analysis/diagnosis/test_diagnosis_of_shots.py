@@ -7,7 +7,7 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.diagnosis import diagnosis_of_shots as module
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.findings.result import Verdict
 from analysis.shot import AnalysisError, Motion, Shot
 
 TILT = effect_named("tilt")

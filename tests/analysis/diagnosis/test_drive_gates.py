@@ -20,7 +20,7 @@ from analysis.diagnosis.driven_search import (
     look_alikes,
     same_in_both_halves,
 )
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.drive.catalogue import LAWS
 from analysis.drive.driven_fit import fit_accepted
 from analysis.drive.regression import Regression, _differences, regress

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.diagnosis import driven, driven_words
-from analysis.diagnosis.result import DriveEvidence, DriveRemainder, Errors, FoundEffect, Standing, Verdict
+from analysis.diagnosis import driven
+from analysis.diagnosis.findings import driven_words
+from analysis.diagnosis.findings.result import DriveEvidence, DriveRemainder, Errors, FoundEffect, Standing, Verdict
 from analysis.drive.catalogue import GAIN_ERROR, LAWS
 from analysis.drive.driven_fit import MassCheck
 from analysis.drive.repeatability import Repeatability

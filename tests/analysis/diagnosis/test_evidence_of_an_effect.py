@@ -6,12 +6,11 @@ from typing import Any, cast
 import pytest
 
 from analysis.collision.effects.row import Effect
-from analysis.diagnosis import explanation
-from analysis.diagnosis.learning import laws_outside_catalogue
-from analysis.diagnosis.result import FoundEffect
+from analysis.diagnosis import explanation, laws_outside_catalogue
+from analysis.diagnosis.evidence.identifiability import Separation
+from analysis.diagnosis.evidence.residual import Residual
+from analysis.diagnosis.findings.result import FoundEffect
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.verdict.identifiability import Separation
-from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference.noise.floor import Floor
 from tests.analysis.diagnosis.shots import calm
 from tests.analysis.diagnosis.test_acceptance import TILT

@@ -8,8 +8,8 @@ import pytest
 from analysis.collision.effects import effects_named
 from analysis.diagnosis import explanation as module
 from analysis.diagnosis.explanation import Explanation
-from analysis.diagnosis.result import FoundEffect, Verdict
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import FoundEffect, Verdict
 
 DRAG, TILT, ARM = effects_named(("viscous_drag", "tilt", "viscoelastic_arm"))
 

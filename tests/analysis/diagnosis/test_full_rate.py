@@ -12,7 +12,7 @@ from analysis.diagnosis.search import full_rate
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import FINE_RATE_HZ, RATE_HZ
+from analysis.inference.model.samples import FINE_RATE_HZ, RATE_HZ
 from analysis.inference.noise.site import STILL_FRAME
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 

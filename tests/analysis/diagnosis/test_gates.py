@@ -10,15 +10,15 @@ import pytest
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects import effect_named as named_effect
 from analysis.collision.effects.row import Effect
-from analysis.diagnosis.result import FoundEffect, Freedom, Verdict
+from analysis.diagnosis.evidence.cross_validation import Prediction, choose
+from analysis.diagnosis.evidence.identifiability import Separation
+from analysis.diagnosis.evidence.lack_of_fit import LackOfFit
+from analysis.diagnosis.evidence.residual import Residual
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import FoundEffect, Freedom, Verdict
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import indistinguishable as names
 from analysis.diagnosis.verdict.acceptance import accepted_effects, exceeds_residual
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import Prediction, choose
-from analysis.diagnosis.verdict.identifiability import Separation
-from analysis.diagnosis.verdict.lack_of_fit import LackOfFit
-from analysis.diagnosis.verdict.residual import Residual
 from tests.analysis.diagnosis.shots import calm
 from tests.analysis.diagnosis.test_acceptance import CALM, TILT, WANDERING, Fit
 

@@ -10,14 +10,14 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.collision.parameters import Infeasible
+from analysis.diagnosis.evidence.cross_validation import Prediction
+from analysis.diagnosis.evidence.identifiability import Separation
+from analysis.diagnosis.evidence.residual import Residual
 from analysis.diagnosis.learning import law_learning, single_law, two_laws
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import FormFit
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.time_limit import SECONDS, Limit
-from analysis.diagnosis.verdict.cross_validation import Prediction
-from analysis.diagnosis.verdict.identifiability import Separation
-from analysis.diagnosis.verdict.residual import Residual
+from analysis.diagnosis.search.time_limit import SECONDS, Limit
 from tests.analysis.diagnosis.shots import calm
 
 START = 1000.0  # of the criterion, where no law is in the model

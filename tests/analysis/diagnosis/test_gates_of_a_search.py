@@ -10,16 +10,17 @@ from scipy.stats import chi2
 
 from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.row import Effect
-from analysis.diagnosis.result import Freedom
+from analysis.diagnosis.evidence import lack_of_fit
+from analysis.diagnosis.evidence.cross_validation import Prediction
+from analysis.diagnosis.evidence.lack_of_fit import NO_MISFIT, LackOfFit, largest_misfit
+from analysis.diagnosis.evidence.residual import Residual
+from analysis.diagnosis.findings.result import Freedom
 from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import Trail, prune
-from analysis.diagnosis.time_limit import SECONDS, Limit
-from analysis.diagnosis.verdict import acceptance, indistinguishable, lack_of_fit
+from analysis.diagnosis.search.time_limit import SECONDS, Limit
+from analysis.diagnosis.verdict import acceptance, indistinguishable
 from analysis.diagnosis.verdict.acceptance import settle, without_unpredictive_effects
-from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.diagnosis.verdict.indistinguishable import PerShotCost, imitates_by_coincidence
-from analysis.diagnosis.verdict.lack_of_fit import NO_MISFIT, LackOfFit, largest_misfit
-from analysis.diagnosis.verdict.residual import Residual
 from analysis.inference import Fitted, joined
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.diagnosis.verdict.cross_validation import Prediction, predict
+from analysis.diagnosis.evidence.cross_validation import Prediction, predict
 from analysis.inference.fit.problem import Fitted, Problem
 from tests.analysis.diagnosis.shots import base_fit, calm, shots
 

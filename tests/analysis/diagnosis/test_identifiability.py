@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effect_named, effects_named
-from analysis.diagnosis.verdict import identifiability as module
-from analysis.diagnosis.verdict.identifiability import Separation, _nothing, least_seen, missed_without
+from analysis.diagnosis.evidence import identifiability as module
+from analysis.diagnosis.evidence.identifiability import Separation, _nothing, least_seen, missed_without
 from analysis.inference import Point
-from analysis.inference.fit.free_parameters import trial_effect
+from analysis.inference.model.free_parameters import trial_effect
 
 DRAG, TILT, MODE = effects_named(("viscous_drag", "tilt", "block_mode"))
 

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Freedom, Verdict
-from analysis.diagnosis.verdict.residual import residual_of
+from analysis.diagnosis.evidence.residual import residual_of
+from analysis.diagnosis.findings.result import Freedom, Verdict
 from analysis.inference import Fitted, averaged_shots, base_fit, first_fit, frame_motions_of, joint_data, site_under
 from tests.benchmarks.site_cases import Case, judge
 from tests.building_rig import Rig

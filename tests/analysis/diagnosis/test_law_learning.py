@@ -5,14 +5,14 @@ from collections.abc import Sequence
 
 import pytest
 
+from analysis.diagnosis.evidence.cross_validation import choose
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.two_laws import learn_laws, learn_second_law, learn_two
-from analysis.diagnosis.verdict.cross_validation import choose
-from analysis.inference.fit.base import base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
-from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Fitted
-from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import base_named
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.site import STILL_FRAME
 from tests.law_rigs import LawRig
 

@@ -10,12 +10,12 @@ import pytest
 from analysis.collision import Infeasible
 from analysis.collision.effects import effects_named
 from analysis.diagnosis import explanation
+from analysis.diagnosis import laws_outside_catalogue as module
+from analysis.diagnosis.evidence.cross_validation import Prediction
 from analysis.diagnosis.explanation import Explanation
+from analysis.diagnosis.findings.result import FoundEffect, Verdict
 from analysis.diagnosis.learning import law_learning
-from analysis.diagnosis.learning import laws_outside_catalogue as module
 from analysis.diagnosis.learning.law_learning import Discovery
-from analysis.diagnosis.result import FoundEffect, Verdict
-from analysis.diagnosis.verdict.cross_validation import Prediction
 from analysis.inference import base_named
 from analysis.shot.quantity import Quantity
 

@@ -12,7 +12,8 @@ from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import graded_basis
 from analysis.collision.laws.forms import FORMS
 from analysis.collision.laws.user_law import law_from_table
-from analysis.diagnosis import words
+from analysis.diagnosis.findings import words
+from analysis.diagnosis.findings.result import FoundEffect, LearnedLaw, OtherForm
 from analysis.diagnosis.learning import learned_law as module
 from analysis.diagnosis.learning.closed_forms import Fitting, information
 from analysis.diagnosis.learning.curve_motion import Term
@@ -23,7 +24,6 @@ from analysis.diagnosis.learning.learned_law import (
     is_same_function,
     part_beyond_base,
 )
-from analysis.diagnosis.result import FoundEffect, LearnedLaw, OtherForm
 from analysis.shot.quantity import Quantity
 
 BEND = next(one for one in ARGUMENTS if (one.where, one.name) == ("plate", "bend"))

@@ -6,12 +6,12 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.collision.laws.user_law import law_from_table
+from analysis.diagnosis.catalogue_search import accept
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.search.search import accept
-from analysis.inference.fit.free_parameters import trial_effects
+from analysis.diagnosis.findings.model_file import from_text, saved, to_text
+from analysis.diagnosis.findings.result import Verdict
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.model.free_parameters import trial_effects
 from analysis.shot.motion import Motion
 from tests.analysis.diagnosis.shots import base_fit
 from tests.analysis.diagnosis.shots import shots as shots_of

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effects_named
+from analysis.diagnosis.evidence.identifiability import Separation
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.search import competing_models as module
 from analysis.diagnosis.search.competing_models import _close, _known, _nearest, _of_one_line, _ring_alike
 from analysis.diagnosis.search.forward_selection import Trail
 from analysis.diagnosis.verdict import indistinguishable
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.identifiability import Separation
 from analysis.diagnosis.verdict.indistinguishable import imitates_by_coincidence
-from analysis.inference.fit.free_parameters import trial_effect
+from analysis.inference.model.free_parameters import trial_effect
 from analysis.inference.screen.screening import Score
 from analysis.shot import Cancelled
 from tests.analysis.diagnosis.shots import KINDS, calm

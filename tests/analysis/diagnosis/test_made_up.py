@@ -12,16 +12,16 @@ from analysis.collision.effects import CATALOGUE
 from analysis.collision.effects.kernel import MASS, ON_BLOCK, Q_RATE, W_RATE, V, W
 from analysis.collision.effects.row import Acts, Effect, Parameter, SensorInput
 from analysis.collision.parameters import PAPER
-from analysis.diagnosis import words
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import trial_effects
-from analysis.inference.fit.joint_data import JointData
+from analysis.diagnosis.findings import words
+from analysis.diagnosis.findings.result import Verdict
 from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import base_named
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.free_parameters import trial_effects
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.floor import Floor
 from tests.analysis.collision.simulated import shot
 from tests.pages import effect_of_the_page

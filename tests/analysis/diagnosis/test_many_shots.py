@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.findings.result import Verdict
 from analysis.shot.shot import AnalysisSettings, Shot
 from tests.building_rig import Path, Rig
 

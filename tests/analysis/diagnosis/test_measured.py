@@ -6,7 +6,7 @@ import pytest
 
 from analysis.collision.effects import CATALOGUE
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.findings.result import Verdict
 from analysis.signal.record import motion_from_displacement
 from instrument.files.motion_file import read_motion
 

@@ -10,8 +10,16 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effect_named, effects_named
-from analysis.diagnosis.model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
-from analysis.diagnosis.result import Errors
+from analysis.diagnosis.findings.model_file import (
+    ModelFileError,
+    SavedModel,
+    drift,
+    effect_in_file,
+    from_text,
+    saved,
+    to_text,
+)
+from analysis.diagnosis.findings.result import Errors
 from analysis.drive import LAWS
 from analysis.shot.quantity import Quantity
 

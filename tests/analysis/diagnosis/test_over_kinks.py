@@ -3,7 +3,7 @@
 import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.findings.result import Verdict
 from tests.law_rigs import LawRig
 
 STIFFER_N_PER_M, FROM_M = 400.0, 1.5e-5

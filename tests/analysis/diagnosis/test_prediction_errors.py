@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.diagnosis.model_file import SavedModel
-from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict import prediction_errors as module
-from analysis.diagnosis.verdict.prediction_errors import (
+from analysis.diagnosis.evidence import prediction_errors as module
+from analysis.diagnosis.evidence.prediction_errors import (
     PredictedShot,
     PredictionTest,
     _all,
     _on_its_plate,
     evaluate_predictions,
 )
-from analysis.diagnosis.wording import prediction_words
+from analysis.diagnosis.findings.model_file import SavedModel
+from analysis.diagnosis.findings.result import Errors
+from analysis.diagnosis.findings.wording import prediction_words
 from analysis.shot.plate import stated_stiffness_n_per_m
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 from scipy.stats import chi2 as of_chance
 
-from analysis.diagnosis.result import Freedom, Phase
-from analysis.diagnosis.verdict import lack_of_fit
-from analysis.diagnosis.verdict import residual as module
-from analysis.diagnosis.verdict.criteria import CRITERIA, may_beat
-from analysis.diagnosis.verdict.lack_of_fit import (
+from analysis.diagnosis.evidence import lack_of_fit
+from analysis.diagnosis.evidence import residual as module
+from analysis.diagnosis.evidence.lack_of_fit import (
     NO_MISFIT,
     LackOfFit,
     _after_turn,
@@ -27,7 +25,7 @@ from analysis.diagnosis.verdict.lack_of_fit import (
     low_frequency_excess,
     shared,
 )
-from analysis.diagnosis.verdict.residual import (
+from analysis.diagnosis.evidence.residual import (
     Residual,
     _bumps,
     _coherence,
@@ -39,6 +37,8 @@ from analysis.diagnosis.verdict.residual import (
     remainder_of,
     residual_of,
 )
+from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
+from analysis.diagnosis.findings.result import Freedom, Phase
 from analysis.inference import Arrow
 
 COURSE = SimpleNamespace(

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import CATALOGUE
-from analysis.diagnosis import words
-from analysis.diagnosis.result import Candidate, Freedom, Phase, Standing
-from analysis.diagnosis.verdict.lack_of_fit import NO_MISFIT, LackOfFit
-from analysis.diagnosis.verdict.residual import remainder_of
-from analysis.diagnosis.wording import remark_on
+from analysis.diagnosis.evidence.lack_of_fit import NO_MISFIT, LackOfFit
+from analysis.diagnosis.evidence.residual import remainder_of
+from analysis.diagnosis.findings import words
+from analysis.diagnosis.findings.result import Candidate, Freedom, Phase, Standing
+from analysis.diagnosis.findings.wording import remark_on
 
 
 def _fit(scale: float) -> Any:

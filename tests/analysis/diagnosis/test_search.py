@@ -9,9 +9,10 @@ import pytest
 
 from analysis.collision import WIDER_EFFECTS, Infeasible
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.search import forward_selection, search
-from analysis.diagnosis.search.search import Search, SearchResult
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis import catalogue_search as search
+from analysis.diagnosis.catalogue_search import Search, SearchResult
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.search import forward_selection
 from analysis.inference import Point
 from analysis.inference.noise.site import STILL_FRAME
 from tests.analysis.diagnosis.shots import KINDS

@@ -9,9 +9,9 @@ import pytest
 
 from analysis.collision import WIDER_EFFECTS, Infeasible
 from analysis.collision.effects import effect_named, effects_named
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.search import forward_selection as module
 from analysis.diagnosis.search.forward_selection import Trail
-from analysis.diagnosis.verdict.criteria import CRITERIA
 from analysis.inference import Point
 from analysis.shot import Cancelled
 from tests.analysis.diagnosis.shots import KINDS, calm

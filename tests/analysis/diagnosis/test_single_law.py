@@ -5,11 +5,11 @@ import math
 import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
+from analysis.diagnosis.evidence.cross_validation import choose
+from analysis.diagnosis.findings.result import Verdict
 from analysis.diagnosis.learning.single_law import SingleLaw
-from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.time_limit import SECONDS, Limit
-from analysis.diagnosis.verdict.cross_validation import choose
-from analysis.inference.fit.free_parameters import trial_effects
+from analysis.diagnosis.search.time_limit import SECONDS, Limit
+from analysis.inference.model.free_parameters import trial_effects
 from tests.analysis.diagnosis.shots import base_fit, calm, shots
 from tests.analysis.diagnosis.test_law_learning import begun
 from tests.law_rigs import LawRig

@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import pytest
 
-from analysis.diagnosis import time_limit as module
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.result_file import diagnosis_result
-from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.wording import in_words
+from analysis.diagnosis.findings.result import Verdict
+from analysis.diagnosis.findings.result_file import diagnosis_result
+from analysis.diagnosis.findings.wording import in_words
+from analysis.diagnosis.search import time_limit as module
+from analysis.diagnosis.search.time_limit import Limit
 from analysis.shot.shot import AnalysisError, Cancelled
 from tests.analysis.diagnosis.shots import calm, shots
 from tests.law_rigs import LawRig

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from analysis.collision.effects import effect_named, effects_named
-from analysis.diagnosis import words
-from analysis.diagnosis.result import FoundEffect, Freedom, Phase, Remainder, Verdict
+from analysis.diagnosis.findings import words
+from analysis.diagnosis.findings.result import FoundEffect, Freedom, Phase, Remainder, Verdict
 from analysis.shot.quantity import Quantity
 
 DRAG, TILT, MODE, FRICTION, SQUARE = effects_named(

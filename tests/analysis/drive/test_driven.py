@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.driven import diagnose_driven
-from analysis.diagnosis.result import Diagnosis, Verdict
-from analysis.diagnosis.wording import in_words, remark_on
+from analysis.diagnosis.findings.result import Diagnosis, Verdict
+from analysis.diagnosis.findings.wording import in_words, remark_on
 from analysis.drive.bandwidth import _equal_noise_hz, force_noise
 from analysis.drive.catalogue import LAWS
 from analysis.drive.curves import drive_curves

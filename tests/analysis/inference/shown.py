@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER, Infeasible
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.course import Course
-from analysis.inference.fit.response import Response, ShotModel, respond
-from analysis.inference.fit.samples import Samples
-from analysis.inference.fit.search_vector import SearchVector
+from analysis.inference.joint.search_vector import SearchVector
+from analysis.inference.model.base import base_named
+from analysis.inference.model.course import Course
+from analysis.inference.model.response import Response, ShotModel, respond
+from analysis.inference.model.samples import Samples
 
 Floats = NDArray[np.float64]
 _A_SAMPLE = 10  # samples of the record in each of ``time_s``

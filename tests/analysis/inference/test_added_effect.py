@@ -9,9 +9,9 @@ import pytest
 from analysis.collision import Infeasible
 from analysis.inference.fit import added_effect
 from analysis.inference.fit.added_effect import joined, refit, with_both_effects
-from analysis.inference.fit.arrow import Arrow
 from analysis.inference.fit.as_fit import effect_parameters
 from analysis.inference.fit.problem import Fitted
+from analysis.inference.model.arrow import Arrow
 from analysis.shot import Cancelled, Quantity
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 

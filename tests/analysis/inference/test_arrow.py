@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.inference.fit.arrow import Arrow, orthonormal
+from analysis.inference.model.arrow import Arrow, orthonormal
 
 Floats = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.diagnosis.search.search import accept
+from analysis.diagnosis.catalogue_search import accept
+from analysis.diagnosis.findings.model_file import from_text, saved, to_text
 from analysis.inference.fit.as_fit import _has_transient_excess, _sway_left_std_m, as_fit, effect_parameters
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.pipeline import analyse

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER, Infeasible, Variant
-from analysis.inference.fit import base as module
-from analysis.inference.fit.base import OneBodyOnContact, TwoBodies, base_named, named_on_plate, start_from_fit
+from analysis.inference.model import base as module
+from analysis.inference.model.base import OneBodyOnContact, TwoBodies, base_named, named_on_plate, start_from_fit
 from levimass import BASE_MODELS, base_model
 
 SHARED = np.array([200.0, 2e-4, 1e4, 0.4, 300.0, 3e-4, 400.0, 4e-4])

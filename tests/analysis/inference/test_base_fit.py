@@ -8,13 +8,13 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.collision.effects import effect_named
-from analysis.diagnosis.search.search import search_from_base
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.catalogue_search import search_from_base
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.inference.fit import first_fit as module
-from analysis.inference.fit.base import SearchStart, base_named
 from analysis.inference.fit.first_fit import base_fit, first_fit
-from analysis.inference.fit.joint_data import JointData
-from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import SearchStart, base_named
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.site import STILL_FRAME
 from tests.analysis.diagnosis.shots import KINDS, calm, shots

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from analysis.collision import Infeasible
-from analysis.inference.fit.free_parameters import TrialEffect
 from analysis.inference.fit.problem import Linearised
+from analysis.inference.model.free_parameters import TrialEffect
 from analysis.inference.screen import columns as module
 from analysis.inference.screen.columns import (
     ColumnProducts,

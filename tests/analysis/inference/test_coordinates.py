@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.coordinates import Coordinates
+from analysis.inference.model.coordinates import Coordinates
 
 BLOCK_KG = 0.0179
 BASE = np.array([221.0, 2e-4, 1e4, 0.4, 180.0, 3e-4])

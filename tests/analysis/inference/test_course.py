@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analysis.inference.fit.course import NoCollision, _flight, _half_sine, _joined, _onset, read_course
+from analysis.inference.model.course import NoCollision, _flight, _half_sine, _joined, _onset, read_course
 
 Floats = NDArray[np.float64]
 DT, TOUCH, SPEED, RATE, BACK = 1e-5, 0.0123456, -0.25, 210.0, 0.8

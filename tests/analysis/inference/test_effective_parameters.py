@@ -5,11 +5,11 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER, Infeasible
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.effective_parameters import Point, to_effective, to_physical
-from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import base_named
+from analysis.inference.model.effective_parameters import Point, to_effective, to_physical
+from analysis.inference.model.samples import averaged_shots
 from tests.analysis.diagnosis.shots import KINDS, shots
 from tests.analysis.inference.shown import whole_slope
 

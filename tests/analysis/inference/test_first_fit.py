@@ -10,10 +10,10 @@ import pytest
 from analysis.collision import Infeasible
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit import first_fit as module
-from analysis.inference.fit.base import PLATES_RELIABLE_CHI2, SearchStart, base_named
 from analysis.inference.fit.first_fit import first_fit, likeliest_plates
-from analysis.inference.fit.joint_data import JointData
-from analysis.inference.fit.samples import averaged_shot
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import PLATES_RELIABLE_CHI2, SearchStart, base_named
+from analysis.inference.model.samples import averaged_shot
 from analysis.inference.noise.floor import white_floor
 from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot import AnalysisError, Cancelled

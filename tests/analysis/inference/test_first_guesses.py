@@ -10,11 +10,11 @@ import pytest
 from analysis.collision import Infeasible, solve
 from analysis.collision.parameters import PAPER, Collision, Variant
 from analysis.inference.fit import first_guesses as module
-from analysis.inference.fit.base import Base, OneBodyOnContact, TwoBodies, base_named
-from analysis.inference.fit.course import NoCollision
 from analysis.inference.fit.first_guesses import Guess, first_guesses, rank
 from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import averaged_shot
+from analysis.inference.model.base import Base, OneBodyOnContact, TwoBodies, base_named
+from analysis.inference.model.course import NoCollision
+from analysis.inference.model.samples import averaged_shot
 from analysis.shot import Cancelled
 from tests.analysis.collision.simulated import shot
 

@@ -12,13 +12,13 @@ from analysis.collision.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.parameters import PAPER
 from analysis.collision.solver.first_order import first_order_change
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.free_parameters import trial_effect
-from analysis.inference.fit.joint_data import JointData
-from analysis.inference.fit.optics import shown_by_optics
 from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import base_named
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.free_parameters import trial_effect
+from analysis.inference.model.optics import shown_by_optics
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen import screening
 from analysis.inference.screen.first_order import responses, steps_for

@@ -7,9 +7,9 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit.course import NoCollision
-from analysis.inference.fit.samples import averaged_shot
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.model.course import NoCollision
+from analysis.inference.model.samples import averaged_shot
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.shot.shot import Cancelled
 from tests.analysis.collision.simulated import shot

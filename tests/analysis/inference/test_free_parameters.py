@@ -4,7 +4,7 @@ import pytest
 
 from analysis.collision import CATALOGUE, NUISANCES
 from analysis.collision.effects import effect_named
-from analysis.inference.fit.free_parameters import trial_effect, trial_effects, trials_of
+from analysis.inference.model.free_parameters import trial_effect, trial_effects, trials_of
 
 
 def test_starts_are_all_combinations_of_what_is_tried() -> None:

@@ -9,16 +9,16 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit import joint_data as module
-from analysis.inference.fit.base import SearchStart, base_named
-from analysis.inference.fit.joint_data import (
+from analysis.inference.joint import joint_data as module
+from analysis.inference.joint.joint_data import (
     JointData,
     frame_motions_of,
     joint_data,
     resolves_frame_motion,
     site_under,
 )
-from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.model.base import SearchStart, base_named
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.site import STILL_FRAME
 from analysis.shot import AnalysisError
 from tests.analysis.collision.simulated import shot

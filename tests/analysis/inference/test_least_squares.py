@@ -17,7 +17,7 @@ from analysis.inference.fit.least_squares import (
     free_to_move,
     minimise,
 )
-from analysis.inference.fit.normal_matrix import NormalMatrix
+from analysis.inference.model.normal_matrix import NormalMatrix
 
 
 @pytest.mark.parametrize("at", [0.0, 1e12])

@@ -10,7 +10,7 @@ from analysis.collision.effects import effect_named
 from analysis.collision.parameters import Collision
 from analysis.collision.solver.linearisation import linear_path
 from analysis.collision.solver.on_moving_frame import moved_by_frame
-from analysis.inference.fit.free_parameters import trial_effect
+from analysis.inference.model.free_parameters import trial_effect
 from analysis.inference.screen import lines
 from analysis.inference.screen.lines import _Waves, _waves, scan, starts_near_strong_lines
 from tests.analysis.diagnosis.shots import base_fit, shots

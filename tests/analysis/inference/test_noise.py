@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis.inference.fit.samples import Samples, averaged_shot
+from analysis.inference.model.samples import Samples, averaged_shot
 from analysis.inference.noise.flights import Spectrum, likeliest_noise, noise_of_flights, spectrum_of
 from tests.analysis.collision.simulated import shot
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.normal_matrix import NormalMatrix
+from analysis.inference.model.arrow import Arrow
+from analysis.inference.model.normal_matrix import NormalMatrix
 
 SHARED, OWN, SHOTS, ROWS = 4, 3, 5, 30
 SIZE = SHARED + SHOTS * OWN

@@ -10,8 +10,8 @@ import pytest
 from analysis.collision import SensorInput
 from analysis.collision.effects import effect_named
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit.optics import change_shown, shown_by_optics
-from analysis.inference.fit.response import respond
+from analysis.inference.model.optics import change_shown, shown_by_optics
+from analysis.inference.model.response import respond
 from tests.analysis.inference.shown import model_of
 
 TIME_S = np.arange(1000) * 5e-5

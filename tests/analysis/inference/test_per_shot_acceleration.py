@@ -11,13 +11,13 @@ from scipy.stats import chi2
 
 from analysis.collision.effects import effect_named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.model_file import from_text, saved, to_text
-from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
-from analysis.inference.fit.course import read_course
-from analysis.inference.fit.samples import averaged_shots
+from analysis.diagnosis.evidence.prediction_errors import evaluate_predictions
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.model_file import from_text, saved, to_text
+from analysis.diagnosis.findings.result import Verdict
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.model.course import read_course
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise import per_shot_acceleration as module
 from analysis.inference.noise.per_shot_acceleration import per_shot_nuisances
 from analysis.shot.motion import Motion

@@ -10,8 +10,8 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.collision.effects import effect_named
-from analysis.inference.fit.effective_parameters import Point
 from analysis.inference.fit.profile import _stds_to_unit_rise, with_profile_std
+from analysis.inference.model.effective_parameters import Point
 from tests.analysis.diagnosis.shots import KINDS, base_fit, calm, shots
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from analysis.collision import averaged
 from analysis.collision.parameters import Infeasible
-from analysis.inference.fit.base import PLATE_NAMES
-from analysis.inference.fit.response import Response, ShotModel, respond
+from analysis.inference.model.base import PLATE_NAMES
+from analysis.inference.model.response import Response, ShotModel, respond
 from instrument.bench.measured_path import simulate_collision
 from instrument.bench.mechanics import Bodies
 from tests.analysis.inference.shown import model_of, shown

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit.samples import averaged_shot, averaged_shots, spacing
+from analysis.inference.model.samples import averaged_shot, averaged_shots, spacing
 from analysis.inference.noise.floor import white_floor
 from tests.analysis.collision.simulated import shot
 

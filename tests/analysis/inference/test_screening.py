@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.inference.fit.free_parameters import trial_effect
 from analysis.inference.fit.problem import Linearised
+from analysis.inference.model.free_parameters import trial_effect
 from analysis.inference.screen import columns, screening
 from analysis.inference.screen.screening import Score, all_scores, distinct_starts, opposite, scores
 from analysis.shot import Cancelled

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import averaged_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import base_named
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.samples import averaged_shots
 from tests.analysis.collision.simulated import shot
 from tests.analysis.diagnosis.shots import KINDS, base_fit, shots
 from tests.analysis.inference.shown import whole_slope

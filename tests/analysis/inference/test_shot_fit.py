@@ -10,13 +10,14 @@ import pytest
 
 from analysis.collision.effects import effect_named, effects_named
 from analysis.collision.parameters import PAPER
-from analysis.inference.fit import joint_data, shot_fit
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.joint_data import JointData, frame_motions_of, resolves_frame_motion
+from analysis.inference.fit import shot_fit
 from analysis.inference.fit.problem import Fitted
-from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import _half_way, _settled, fit_shots
+from analysis.inference.joint import joint_data
+from analysis.inference.joint.joint_data import JointData, frame_motions_of, resolves_frame_motion
+from analysis.inference.model.base import base_named
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.sway import with_plates
 from analysis.shot.shot import AnalysisError
 from tests.analysis.collision.simulated import shot

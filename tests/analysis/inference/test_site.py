@@ -9,20 +9,20 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import predict
-from analysis.inference.fit.base import base_named, start_from_fit
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.joint_data import (
+from analysis.diagnosis.evidence.cross_validation import predict
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import Verdict
+from analysis.inference.fit.problem import Problem
+from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.joint.joint_data import (
     frame_motions_of,
     joint_data,
     resolves_frame_motion,
     site_under,
 )
-from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import averaged_shots
-from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.model.base import base_named, start_from_fit
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise import frame_strengths
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import STILL_FRAME, site_of

@@ -8,10 +8,10 @@ import pytest
 
 from analysis.collision import ARGUMENTS, FORMS, Effect, Infeasible
 from analysis.collision.effects import effect_named
-from analysis.inference.fit import weighted_model
-from analysis.inference.fit.free_parameters import TrialEffect, trial_effect
 from analysis.inference.fit.problem import Fitted
-from analysis.inference.fit.response import respond
+from analysis.inference.joint import weighted_model
+from analysis.inference.model.free_parameters import TrialEffect, trial_effect
+from analysis.inference.model.response import respond
 from tests.analysis.diagnosis.shots import base_fit, shots
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.planning import plan as planning
 from analysis.planning import shot_log
 from analysis.planning.distances import Distances, nearest

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from analysis.collision import Infeasible
 from analysis.collision.effects import effects_named
 from analysis.collision.effects.row import Effect
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.planning import distances as planned
 from analysis.planning.distances import Distances, Pair, nearest
 from analysis.planning.next_shot import NextShot

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from analysis.diagnosis.words import EQUIVALENT_EFFECTS
+from analysis.diagnosis.findings.words import EQUIVALENT_EFFECTS
 from instrument.bench.mechanics import Bodies
 from tests.bench.blind import Take, Truth, clean_m, drawn
 

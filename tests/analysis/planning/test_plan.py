@@ -9,7 +9,7 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.collision.effects import effect_named, effects_named
-from analysis.diagnosis.result import FoundEffect
+from analysis.diagnosis.findings.result import FoundEffect
 from analysis.inference.fit.shot_fit import fit_shots
 from analysis.planning import distances as planned
 from analysis.planning.distances import Distances, nearest, refitted, screen_shots

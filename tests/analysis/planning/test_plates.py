@@ -7,16 +7,16 @@ import pytest
 
 from analysis.collision.parameters import Collision
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.model_file import saved
-from analysis.diagnosis.result import Verdict
-from analysis.diagnosis.verdict.prediction_errors import evaluate_predictions
+from analysis.diagnosis.evidence.prediction_errors import evaluate_predictions
+from analysis.diagnosis.findings.model_file import saved
+from analysis.diagnosis.findings.result import Verdict
 from analysis.fitted.readings_from_fit import contact_cor, fitted_contact_cor
-from analysis.inference.fit.base import base_named
-from analysis.inference.fit.effective_parameters import Point
-from analysis.inference.fit.joint_data import JointData
 from analysis.inference.fit.problem import Problem
-from analysis.inference.fit.samples import averaged_shots
 from analysis.inference.fit.shot_fit import fit_shots
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.base import base_named
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.planning.model_comparison import refit_diagnosed
 from analysis.planning.next_shot import Reach, contact_s, next_shots

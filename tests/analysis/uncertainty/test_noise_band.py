@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.diagnosis_of_shots import diagnose
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.findings.result import Verdict
 from analysis.pipeline import analyse_motion
 from analysis.shot.impact import VibrationSpectrum
 from analysis.shot.shot import AnalysisSettings

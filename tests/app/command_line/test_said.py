@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.prediction_errors import PredictedShot, PredictionTest
+from analysis.diagnosis.findings.result import Errors, PredictedShot, PredictionTest
 from analysis.planning.next_shot import NextShot, Reach
 from analysis.planning.plan import Plan
 from analysis.planning.shot_log import PlanningState

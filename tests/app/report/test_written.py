@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.result import Candidate, Errors, Standing, Verdict
-from analysis.diagnosis.verdict.prediction_errors import PredictedShot, PredictionTest
+from analysis.diagnosis.findings.result import Candidate, Errors, PredictedShot, PredictionTest, Standing, Verdict
 from analysis.shot.impact import Disturbance, VibrationLine
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Air, Channel, Plate, Recording, Role, Setup

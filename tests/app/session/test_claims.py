@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.result import Candidate
+from analysis.diagnosis.findings.result import Candidate
 from analysis.fitted.fitted_shot import unfitted, with_fit_pending
 from analysis.shot.shot import AnalysisSettings, Cancelled
 from app.report.exports import motion_file_names

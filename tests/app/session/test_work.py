@@ -11,9 +11,8 @@ import pytest
 
 import app.report
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.model_file import from_text
-from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.prediction_errors import PredictedShot, PredictionTest
+from analysis.diagnosis.findings.model_file import from_text
+from analysis.diagnosis.findings.result import Errors, PredictedShot, PredictionTest
 from analysis.drive.catalogue import LAWS
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import AnalysisSettings

@@ -11,7 +11,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QWidget
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.result import Candidate, Standing
+from analysis.diagnosis.findings.result import Candidate, Standing
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Role
 from instrument.capture.acquisition import State

@@ -14,7 +14,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QLabel, QPushButton
 
 from analysis.collision.effects import CATALOGUE
-from analysis.diagnosis.result import Candidate, Verdict
+from analysis.diagnosis.findings.result import Candidate, Verdict
 from analysis.drive.driven_fit import fit_driven
 from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import Plan

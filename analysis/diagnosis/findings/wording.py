@@ -5,15 +5,11 @@ No module that decides a verdict imports this one or the sentence modules that i
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from analysis.diagnosis import driven_words, words
-from analysis.diagnosis.result import Candidate, Diagnosis, Standing
-
-if TYPE_CHECKING:
-    from analysis.diagnosis.verdict.prediction_errors import PredictionTest
+from analysis.diagnosis.findings import driven_words, words
+from analysis.diagnosis.findings.result import Candidate, Diagnosis, PredictionTest, Standing
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +61,7 @@ def remark_on(candidate: Candidate) -> str:
     return "" if candidate.standing is None else _STANDINGS[candidate.standing].format(number=candidate.number)
 
 
-def prediction_words(foretold: "PredictionTest") -> str:
+def prediction_words(foretold: PredictionTest) -> str:
     """Say how much better the whole model predicts than its base."""
     base, model = foretold.error_base, foretold.error_model
     count = sum(shot.error_model is not None for shot in foretold.shots)

@@ -8,8 +8,8 @@ import numpy as np
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
-from analysis.inference.fit.base import Base, SearchStart
-from analysis.inference.fit.samples import Samples
+from analysis.inference.model.base import Base, SearchStart
+from analysis.inference.model.samples import Samples
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import BELOW_HZ, STILL_FRAME, Site, site_of

@@ -2,14 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
 import numpy as np
 
 from analysis.collision import Effect, Infeasible, without_nuisances
-from analysis.diagnosis.model_file import SavedModel
-from analysis.diagnosis.result import Errors
-from analysis.diagnosis.verdict.residual import errors
+from analysis.diagnosis.evidence.residual import errors
+from analysis.diagnosis.findings.model_file import SavedModel
+from analysis.diagnosis.findings.result import Errors, PredictedShot, PredictionTest
 from analysis.drive import Repeatability, Table, force_noise, prediction_residual_n, rms
 from analysis.drive import prepare as prepare_drive
 from analysis.fitted import fit_jointly
@@ -29,28 +29,6 @@ from levimass import base_model
 
 Parameters = Mapping[str, Quantity]
 OWN = 3  # v_in, touch and offset: the parameters fitted to the shot itself
-
-
-@dataclass(frozen=True, slots=True)
-class PredictedShot:
-    """One shot: the errors of the base and of the whole model, or why neither could be tested."""
-
-    name: str
-    took_part: bool  # in the fit from which the model was saved: then the shot is no test
-    error_base: Errors | None
-    error_model: Errors | None
-    problem: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class PredictionTest:
-    """The test of a saved model: errors of base and model for all shots together, and each shot."""
-
-    model: str
-    effects: tuple[Effect, ...]
-    error_base: Errors
-    error_model: Errors
-    shots: tuple[PredictedShot, ...]
 
 
 def evaluate_predictions(

@@ -11,12 +11,12 @@ import numpy as np
 
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
-from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.effective_parameters import Point, Values, to_effective
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.least_squares import Square
-from analysis.inference.fit.response import STRIDE, Response, ShotModel, respond
-from analysis.inference.fit.search_vector import SearchVector
+from analysis.inference.joint.search_vector import SearchVector
+from analysis.inference.model.arrow import Arrow
+from analysis.inference.model.effective_parameters import Point, Values, to_effective
+from analysis.inference.model.free_parameters import TrialEffect
+from analysis.inference.model.normal_matrix import Square
+from analysis.inference.model.response import STRIDE, Response, ShotModel, respond
 from analysis.inference.noise.floor import Floor
 from analysis.shot import Floats
 

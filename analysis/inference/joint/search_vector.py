@@ -7,14 +7,14 @@ from functools import cached_property
 import numpy as np
 
 from analysis.collision import Effect, Parameter
-from analysis.inference.fit.arrow import Arrow
-from analysis.inference.fit.base import OWN_NAMES
-from analysis.inference.fit.coordinates import Coordinates
-from analysis.inference.fit.effective_parameters import Point, Values, physical_derivatives, to_effective, to_physical
-from analysis.inference.fit.free_parameters import TrialEffect
-from analysis.inference.fit.joint_data import JointData
-from analysis.inference.fit.normal_matrix import Places
-from analysis.inference.fit.response import STRIDE, ShotModel
+from analysis.inference.joint.joint_data import JointData
+from analysis.inference.model.arrow import Arrow
+from analysis.inference.model.base import OWN_NAMES
+from analysis.inference.model.coordinates import Coordinates
+from analysis.inference.model.effective_parameters import Point, Values, physical_derivatives, to_effective, to_physical
+from analysis.inference.model.free_parameters import TrialEffect
+from analysis.inference.model.normal_matrix import Places
+from analysis.inference.model.response import STRIDE, ShotModel
 from analysis.shot import Floats
 
 _BELOW = 0.8  # lower bound of a line's frequency, as a fraction of the lowest frequency that is searched

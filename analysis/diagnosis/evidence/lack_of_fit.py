@@ -18,8 +18,8 @@ from numba import njit
 from scipy.special import chdtri
 
 from analysis.compiled import side_by_side
-from analysis.diagnosis.result import Freedom
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import Freedom
 from analysis.inference import Arrow, Fitted, Floor, Linearised, Point, Problem, Samples
 from analysis.shot import Floats
 

@@ -270,7 +270,7 @@ class Diagnosis:
     @property
     def sentence(self) -> str:
         """Get the verdict in words."""
-        from analysis.diagnosis.wording import in_words
+        from analysis.diagnosis.findings.wording import in_words
 
         return in_words(self).sentence
 
@@ -278,3 +278,25 @@ class Diagnosis:
     def findings(self) -> tuple[FoundEffect, ...]:
         """Get what can be added to the model: the effects, and the laws that have a closed form."""
         return (*self.effects, *(law.as_effect for law in self.laws if law.form is not None))
+
+
+@dataclass(frozen=True, slots=True)
+class PredictedShot:
+    """One shot: the errors of the base and of the whole model, or why neither could be tested."""
+
+    name: str
+    took_part: bool  # in the fit from which the model was saved: then the shot is no test
+    error_base: Errors | None
+    error_model: Errors | None
+    problem: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PredictionTest:
+    """The test of a saved model: errors of base and model for all shots together, and each shot."""
+
+    model: str
+    effects: tuple[Effect, ...]
+    error_base: Errors
+    error_model: Errors
+    shots: tuple[PredictedShot, ...]

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import chdtri
 
 from analysis.collision import Effect
-from analysis.diagnosis.result import Errors, Phase, Remainder
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.lack_of_fit import (
+from analysis.diagnosis.evidence.lack_of_fit import (
     NO_MISFIT,
     LackOfFit,
     gain,
@@ -20,6 +18,8 @@ from analysis.diagnosis.verdict.lack_of_fit import (
     low_frequency_excess,
     shared,
 )
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import Errors, Phase, Remainder
 from analysis.inference import Fitted, Floor, Linearised, Samples
 from analysis.shot import Floats, Motion
 from analysis.signal import derivatives

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import averaged
-from analysis.inference.fit.course import Course, read_course
+from analysis.inference.model.course import Course, read_course
 from analysis.shot import Floats, Motion, plate_numbers
 
 if TYPE_CHECKING:

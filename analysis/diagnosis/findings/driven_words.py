@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from analysis.diagnosis.result import Diagnosis, DriveEvidence, FoundEffect, Verdict
-from analysis.diagnosis.words import numbers
+from analysis.diagnosis.findings.result import Diagnosis, DriveEvidence, FoundEffect, Verdict
+from analysis.diagnosis.findings.words import numbers
 from analysis.drive import LAWS, MassCheck, Repeatability
 from analysis.shot import Fit, Quantity
 

@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 from analysis.collision import NUISANCES, Effect, UserLaw
-from analysis.diagnosis import contact_laws
-from analysis.diagnosis.result import Diagnosis, FoundEffect, Freedom, LearnedLaw, Remainder, Verdict
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings import contact_laws
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import Diagnosis, FoundEffect, Freedom, LearnedLaw, Remainder, Verdict
 from analysis.shot import Fit, Quantity, split_unit
 
 CLASSES = {

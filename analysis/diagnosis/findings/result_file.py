@@ -2,14 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from analysis.diagnosis.result import Diagnosis, Errors
-from analysis.diagnosis.wording import in_words, prediction_words, remark_on
+from analysis.diagnosis.findings.result import Diagnosis, Errors, PredictionTest
+from analysis.diagnosis.findings.wording import in_words, prediction_words, remark_on
 from analysis.shot import Quantity, to_json
-
-if TYPE_CHECKING:
-    from analysis.diagnosis.verdict.prediction_errors import PredictionTest
 
 
 def diagnosis_result(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -65,7 +62,7 @@ def diagnosis_result(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def prediction_test_result(foretold: "PredictionTest") -> dict[str, Any]:
+def prediction_test_result(foretold: PredictionTest) -> dict[str, Any]:
     """Return the ``foretold`` object of the result file."""
     return {
         "model": foretold.model,

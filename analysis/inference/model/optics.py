@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from analysis.collision import LinearPath, SensorInput, V, X, sensor_effects
-from analysis.inference.fit.response import ShotModel
+from analysis.inference.model.response import ShotModel
 from analysis.shot import Floats
 
 _STEP = 1e-40  # the complex step

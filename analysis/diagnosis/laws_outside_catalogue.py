@@ -6,18 +6,18 @@ from dataclasses import replace
 from functools import partial
 
 from analysis.collision import Effect
+from analysis.diagnosis.evidence.cross_validation import Prediction, Predictions, predict
+from analysis.diagnosis.evidence.identifiability import missed_without, snr
+from analysis.diagnosis.evidence.residual import residual_of
 from analysis.diagnosis.explanation import Explanation, remainder
+from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.findings.result import FoundEffect, Verdict
 from analysis.diagnosis.learning.law_learning import Discovery, learn_law
 from analysis.diagnosis.learning.learned_law import in_joint_fit
 from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.learning.two_laws import learn_laws, learn_second_law
-from analysis.diagnosis.result import FoundEffect, Verdict
 from analysis.diagnosis.search.forward_selection import without_effect
 from analysis.diagnosis.verdict.acceptance import conclude
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.cross_validation import Prediction, Predictions, predict
-from analysis.diagnosis.verdict.identifiability import missed_without, snr
-from analysis.diagnosis.verdict.residual import residual_of
 from analysis.inference import Fitted, Linearised, effect_parameters
 from analysis.shot import Quantity, Stop
 

@@ -5,6 +5,7 @@ the number of shots and not with its cube (Golub and Van Loan, "Matrix Computati
 """
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -221,3 +222,25 @@ class NormalMatrix:
             self.shared_at,
             self.own_at,
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Square:
+    """A whitened sum of squares at one point: chi^2, J^T J, J^T r, shape (p,), and number of samples.
+
+    ``residual`` r, shape (n,), ``along(step)`` = J step and ``pull(vector)`` = J^T vector are used to correct steps in
+    curved valleys; None for a search without corrections.
+    """
+
+    chi2: float
+    curvature: NormalMatrix
+    gradient: Floats
+    samples: int
+    residual: Floats | None = None
+    along: Callable[[Floats], Floats] | None = None
+    pull: Callable[[Floats], Floats] | None = None
+
+    def followed(self, moved: Floats, own: Sequence[int]) -> Floats:
+        """Return the first-order step that re-optimises the parameters at ``own`` after the others have ``moved``."""
+        pull = (self.gradient + self.curvature @ moved)[own]
+        return np.asarray(-np.linalg.pinv(self.curvature.dense()[np.ix_(own, own)], hermitian=True) @ pull)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Effect, known_effect, without_nuisances
-from analysis.diagnosis.result import Diagnosis, Errors
+from analysis.diagnosis.findings.result import Diagnosis, Errors
 from analysis.drive import LAWS
 from analysis.shot import AnalysisError, Fit, Quantity
 from levimass import BASE_MODELS, base_model

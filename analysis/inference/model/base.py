@@ -13,7 +13,7 @@ from typing import ClassVar
 import numpy as np
 
 from analysis.collision import Collision, Effect, Floats, Infeasible, Variant
-from analysis.inference.fit.effective_parameters import Point
+from analysis.inference.model.effective_parameters import Point
 from analysis.shot import Fit, Motion, plate_count
 from levimass import ONE_BODY, PAPER_MODEL
 

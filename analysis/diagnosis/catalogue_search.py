@@ -13,6 +13,8 @@ import numpy as np
 from analysis.collision import Effect, Infeasible
 from analysis.compiled import side_by_side
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
+from analysis.diagnosis.evidence.residual import Residual, residual_of
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.search.forward_selection import (
     Trail,
     add_effects,
@@ -23,9 +25,7 @@ from analysis.diagnosis.search.forward_selection import (
     nearly_as_likely,
 )
 from analysis.diagnosis.search.full_rate import with_frame_response_updated
-from analysis.diagnosis.time_limit import Limit
-from analysis.diagnosis.verdict.criteria import CRITERIA
-from analysis.diagnosis.verdict.residual import Residual, residual_of
+from analysis.diagnosis.search.time_limit import Limit
 from analysis.inference import (
     STILL_FRAME,
     Fitted,

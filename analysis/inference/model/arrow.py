@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.inference.fit.normal_matrix import NormalMatrix, Places
+from analysis.inference.model.normal_matrix import NormalMatrix, Places
 from analysis.shot import Floats
 
 if TYPE_CHECKING:
-    from analysis.inference.fit.samples import Samples
+    from analysis.inference.model.samples import Samples
     from analysis.inference.noise.floor import Floor
 
 _DEPENDENT = 1e-9  # relative length after projection below which a column depends linearly on the others

@@ -37,9 +37,9 @@ from analysis.collision import (
     sensor_effects,
     solve,
 )
-from analysis.inference.fit.base import OWN_NAMES, Base
-from analysis.inference.fit.effective_parameters import Values
-from analysis.inference.fit.samples import Samples
+from analysis.inference.model.base import OWN_NAMES, Base
+from analysis.inference.model.effective_parameters import Values
+from analysis.inference.model.samples import Samples
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M
 
 STRIDE = 2.0  # of ``general.solve``: its error for a nonlinear law is then 0.05 pm, far below any noise

@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.inference import Fitted, Floor, JointData, Problem
 from analysis.shot import Floats, Stop
 

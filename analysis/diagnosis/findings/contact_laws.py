@@ -6,7 +6,7 @@ A contact law is named where the fitted exponents agree with its own within thei
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from analysis.diagnosis.result import FoundEffect, LearnedLaw
+from analysis.diagnosis.findings.result import FoundEffect, LearnedLaw
 from analysis.shot import Quantity
 
 _ROW = "nonlinear_contact_damping"  # of the catalogue

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.collision import Effect
-from analysis.diagnosis.verdict.criteria import CRITERIA
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.inference import Fitted, Linearised, Point, TrialEffect, to_physical
 from analysis.shot import Stop
 

@@ -22,10 +22,14 @@ class Entry:
     shot: Shot | None = None
     note: str = ""
     plot_notes: tuple[PlotNote, ...] = ()  # oldest first
-    verdict: str = ""
-    verdict_of: VerdictBasis | None = None  # model and shots of the verdict; None if the file lacks them
+    verdict_of: VerdictBasis | None = None  # the verdict, with its model and shots
     copy_of: int | None = None  # number of the entry whose recording this entry analyses with other settings
     version: str = ""  # program version of a cached result, else ""
+
+    @property
+    def verdict(self) -> str:
+        """Get the verdict in words; "" without one."""
+        return self.verdict_of.words if self.verdict_of is not None else ""
 
 
 _NOT_SAVED = ("shot", "version")  # fields that come from the recording or the cache, not from the session file
@@ -37,6 +41,7 @@ def entry_to_json(entry: Entry) -> dict[str, Any]:
     notes = [asdict(note) for note in entry.plot_notes]
     return saved | {
         "settings": settings,
+        "verdict": entry.verdict,  # for a reader of the file; not read back
         "verdict_of": entry.verdict_of and _basis_to_json(entry.verdict_of),
         "plot_notes": notes,
     }
@@ -66,8 +71,9 @@ def entry_from_json(item: CheckedTable, unknown: set[str]) -> Entry:
         return tuple(notes)
 
     def verdict_of(item: CheckedTable) -> VerdictBasis | None:
+        item.get("verdict")
         basis = item.object("verdict_of")
-        if basis is None:
+        if basis is None or basis.get("conclusion") is None:
             return None
         base = _base(item.required_object("settings"))
         keys = basis.names("effects"), basis.names("found")

@@ -129,14 +129,14 @@ class Session:
             self._change(entry.number, lambda old: replace(old, path=path, shot=shot))
         return entry is not None
 
-    def set_verdict(self, number: int, verdict: str, of: VerdictBasis | None = None) -> None:
-        """Set the verdict on an entry, and the model and shots that the verdict refers to."""
-        self._change(number, lambda entry: replace(entry, verdict=verdict, verdict_of=of))
+    def set_verdict(self, number: int, of: VerdictBasis) -> None:
+        """Set the verdict on an entry, with the model and shots that the verdict refers to."""
+        self._change(number, lambda entry: replace(entry, verdict_of=of))
 
     def verdict_is_valid(self, entry: Entry) -> bool:
-        """Return whether an entry's verdict refers to the present model and only to shots in the session."""
+        """Return whether an entry's verdict, if any, refers to the present model and only to shots in the session."""
         of = entry.verdict_of
-        if not entry.verdict or of is None:
+        if of is None:
             return True
         return of.is_valid(self.effects.of(entry.settings.model), {other.number for other in self.entries})
 

@@ -7,21 +7,25 @@ from typing import Any
 from analysis.collision import Effect, without_nuisances
 from analysis.diagnosis import Diagnosis, Verdict, effect_in_file
 from analysis.shot import Shot
-from levimass import base_model
+from levimass import base_model, is_drive
+from app.words import verdict_words
 
 
 @dataclass(frozen=True, slots=True)
 class VerdictBasis:
-    """The model and shots to which a verdict refers.
+    """A verdict, and the model and shots to which it refers.
 
     ``effects`` were in the diagnosed model, ``found`` were added by the diagnosis, ``shots`` are numbers of entries.
-    ``conclusion`` is None in files of earlier versions.
     """
 
-    effects: tuple[Effect, ...] = ()
-    found: tuple[Effect, ...] = ()
-    shots: tuple[int, ...] = ()
-    conclusion: Verdict | None = None
+    effects: tuple[Effect, ...]
+    found: tuple[Effect, ...]
+    shots: tuple[int, ...]
+    conclusion: Verdict
+
+    @property
+    def words(self) -> str:
+        return verdict_words(self.conclusion, self.found)
 
     def is_valid(self, effects: Iterable[Effect], there: Collection[int]) -> bool:
         """Return whether the verdict is valid for a model with these effects and a session with the shots ``there``.

@@ -26,7 +26,6 @@ from app.session.session_files import Unlisted, listed_by, lock_session, named_s
 from app.session.settings import correction_words
 from app.session.spool import Spool
 from app.session.verdict_basis import Diagnosed, Diagnoses, diagnose_shots, verdict_of
-from app.words import verdict_words
 from instrument.capture import CapturedShot
 from instrument.files import RecordingError, find_recordings, rewrite_note
 from instrument.process import SubprocessWorker
@@ -321,7 +320,7 @@ class Workbench:
             self._kept.store_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
         of = verdict_of(diagnosis, numbers)
         for number in numbers:
-            self.session.set_verdict(number, verdict_words(diagnosis.verdict, of.found), of)
+            self.session.set_verdict(number, of)
         self._notify(EventKind.DIAGNOSED, diagnosis.sentence, numbers)
         if diagnosis.not_asked:
             words = f"not computed within the diagnosis time limit (F2): {'; '.join(diagnosis.not_asked)}"

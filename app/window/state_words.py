@@ -189,14 +189,11 @@ def verdict_line(entry: Entry | None, effects: Iterable[Effect] = (), holds: boo
 
     ``holds``: whether the verdict refers to the present model and shots.
     """
-    if entry is None or not entry.verdict:
+    of = entry.verdict_of if entry is not None else None
+    if of is None:
         return "", Tone.NEUTRAL
     if not holds:
-        return joined(tag("s", entry.verdict), " outdated: run Diagnose again"), Tone.NEUTRAL
-    of = entry.verdict_of
-    if of is None or of.conclusion is None:  # the session file is of an earlier version
-        return entry.verdict, Tone.WARNING
-    words = VERDICTS[of.conclusion]
-    if words.names and of.found and set(of.found) <= set(effects):
-        return f"{entry.verdict}: in the model", Tone.GOOD
-    return entry.verdict, Tone(words.tone)
+        return joined(tag("s", of.words), " outdated: run Diagnose again"), Tone.NEUTRAL
+    if VERDICTS[of.conclusion].names and of.found and set(of.found) <= set(effects):
+        return f"{of.words}: in the model", Tone.GOOD
+    return of.words, Tone(VERDICTS[of.conclusion].tone)

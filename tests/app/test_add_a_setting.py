@@ -11,7 +11,7 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.diagnosis.findings.model_file import SavedModel, from_text, to_text
-from analysis.diagnosis.findings.result import Errors
+from analysis.diagnosis.findings.result import Errors, Verdict
 from analysis.shot.quantity import Quantity
 from analysis.shot.shot import PlotNote
 from app.command_line import options, parser
@@ -82,7 +82,8 @@ def test_every_field_survives_a_session(kind, tmp_path, monkeypatch):
     session.add(
         replace(synthetic.bare_shot("shot-2"), path="/data/2", settings=changed(kind), note="a note"), copy_of=1
     )
-    session.set_verdict(2, "adequate", VerdictBasis((effect_named("tilt"),), (effect_named("adhesion"),), (1, 2)))
+    found = VerdictBasis((effect_named("tilt"),), (effect_named("adhesion"),), (1, 2), Verdict.EFFECT_FOUND)
+    session.set_verdict(2, found)
     session.change_plot_note(2, None, PlotNote("force", 0.01, 0.5, "the plate's own note"))
     before, after = session.entries[1], Session.reopen(tmp_path / "session.json").entries[1]
     for of in fields(before):

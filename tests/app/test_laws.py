@@ -12,6 +12,7 @@ import pytest
 from analysis.collision.effects import CATALOGUE, NUISANCES, WIDER_EFFECTS, effect_named
 from analysis.collision.laws.user_law import law_from_table
 from analysis.diagnosis.findings.model_file import from_text, saved, to_text
+from analysis.diagnosis.findings.result import Verdict
 from analysis.drive.catalogue import GAIN_ERROR, LAWS
 from analysis.report import fit_result
 from analysis.shot.quantity import Quantity
@@ -71,7 +72,7 @@ def test_a_law_in_the_model_goes_through_files_and_processes_as_the_same_effect(
     session = Session(tmp_path / "session.json")
     session.add(of)
     session.set_effects(ModelEffects((law,)).with_tried((law,)))
-    session.set_verdict(1, "found", VerdictBasis((law,), (other,), (1,)))
+    session.set_verdict(1, VerdictBasis((law,), (other,), (1,), Verdict.LAW_LEARNED))
     written = json.loads((tmp_path / "session.json").read_text())
     assert written["effects"] == written["tried"] == [law.key]
     assert written["shots"][0]["settings"]["effects"] == [law.key, "tilt"]
@@ -92,11 +93,11 @@ def test_every_effect_and_candidate_is_kept_and_sent_to_another_process():
 def test_what_a_later_version_named_is_no_verdict_of_this_one(tmp_path):
     session = Session(tmp_path / "session.json")
     session.add(replace(shot(), path=str(tmp_path / "a.csv")))
-    session.set_verdict(1, "gremlins", VerdictBasis((), (effect_named("tilt"),), (1,)))
+    session.set_verdict(1, VerdictBasis((), (effect_named("tilt"),), (1,), Verdict.EFFECT_FOUND))
     path = tmp_path / "session.json"
     path.write_text(path.read_text().replace('"tilt"', '"gremlins"'))
     (entry,) = Session.reopen(path).entries
-    assert entry.verdict == "gremlins" and entry.verdict_of is None
+    assert entry.verdict == "" and entry.verdict_of is None
 
 
 def test_the_folder_of_laws_is_asked_and_a_spoilt_file_told(tmp_path):

@@ -21,6 +21,7 @@ from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty.gum_budget import budget
 from app.report.number_tables import fitted
 from app.session.session import Session
+from app.session.verdict_basis import VerdictBasis
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.effects import CandidateBars
@@ -366,7 +367,7 @@ def test_the_table_sorts_filters_groups_and_hides_columns(qtbot):
     qtbot.addWidget(table)
     for seed, (name, speed) in enumerate((("paper-2", 0.3), ("steel-1", 0.1), ("paper-10", 0.2)), 1):
         session.add(synthetic.shot(name, speed, seed, count=9000))
-    session.set_verdict(2, "adequate")
+    session.set_verdict(2, VerdictBasis((), (), (2,), Verdict.ADEQUATE))
     table.show_session(session)
     table.show()
     table.select([1])

@@ -3,8 +3,10 @@
 import threading
 from dataclasses import replace
 
+from analysis.diagnosis.result import Verdict
 from app.session.jobs import Saver
 from app.session.session import Session
+from app.session.verdict_basis import VerdictBasis
 from tests.app import synthetic
 
 
@@ -41,6 +43,6 @@ def test_a_session_is_on_disk_when_the_saver_has_ended_and_a_full_disk_is_told(t
     path.mkdir()  # cannot be replaced by a file
     seen = session.revision
     session.save_by = lambda save: save()
-    session.set_verdict(1, "adequate")
+    session.set_verdict(1, VerdictBasis((), (), (1,), Verdict.ADEQUATE))
     assert "could not be saved" in (session.problem or "")
     assert session.revision > seen + 1, "who looks at revisions learns of it"

@@ -6,9 +6,11 @@ from dataclasses import replace
 import pytest
 
 from analysis.collision.effects import effects_named
+from analysis.diagnosis.result import Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.session_files import own_session
+from app.session.verdict_basis import VerdictBasis
 from tests.app import synthetic
 
 
@@ -21,7 +23,7 @@ def test_reopens_with_notes_settings_and_verdicts(tmp_path):
     shot = replace(_saved("shot-1", "/data/shot-1.sigmf-meta"), settings=AnalysisSettings(bandwidth_hz=5e3))
     session.add(shot)
     session.set_note(1, "plate cleaned")
-    session.set_verdict(1, "adequate")
+    session.set_verdict(1, VerdictBasis((), (), (1,), Verdict.ADEQUATE))
     again = Session.reopen(tmp_path / "session.json")
     (entry,) = again.entries
     assert entry.note == "plate cleaned"

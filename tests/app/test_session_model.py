@@ -63,10 +63,11 @@ def test_groups_come_in_the_order_of_their_first_shots_with_their_numbers(group:
     def dated(day: str | None) -> object:
         return replace(synthetic.bare_shot("x"), started_at=day)
 
+    adequate = VerdictBasis((), (), (3,), Verdict.ADEQUATE)
     entries = [
         _entry(1, "north-001", shot=dated("2026-05-01T09:00:00Z")),
         _entry(2, "7", shot=dated(None)),
-        _entry(3, "south_ 2", shot=dated("2026-05-02T09:00:00Z"), verdict="adequate"),
+        _entry(3, "south_ 2", shot=dated("2026-05-02T09:00:00Z"), verdict_of=adequate),
         replace(_entry(4, "north-2", shot=dated("2026-05-01T10:00:00Z")), settings=AnalysisSettings(model="contact")),
     ]
     rows = ordered(entries, TableOrder(group=group), None, lambda entry: "")
@@ -85,7 +86,7 @@ def model(shot, qapp):
     found = VerdictBasis((), effects_named(("tilt", "adhesion")), (1,), Verdict.EFFECT_FOUND)
     model.show_entries(
         (
-            _entry(1, "north-1", shot=shot, verdict="tilt + adhesion", verdict_of=found, note="first"),
+            _entry(1, "north-1", shot=shot, verdict_of=found, note="first"),
             replace(_entry(2, "later", copy_of=1), path=None),
             _entry(3, "bad", shot=replace(synthetic.bare_shot("bad"), problem="no beat")),
         ),
@@ -129,7 +130,7 @@ def test_numbers_stand_at_the_right_with_their_combined_uncertainty_and_say_what
 
 def test_a_verdict_about_another_model_is_struck_out_and_says_so(model) -> None:
     assert _shown(model, 0, VERDICT, FONT).strikeOut()  # type: ignore[union-attr]
-    assert _shown(model, 0, VERDICT, EDIT) == "tilt + adhesion (of another model)"
+    assert _shown(model, 0, VERDICT, EDIT) == "a tilt of the guideway + adhesion at release (of another model)"
     assert "run Diagnose again" in str(_shown(model, 0, VERDICT, HOVER))
     assert _shown(model, 2, VERDICT, FONT) is None is _shown(model, 0, NAME, FONT)
     assert _shown(model, 2, VERDICT, EDIT) == "no beat" and "diagnose" not in str(_shown(model, 2, VERDICT, HOVER))

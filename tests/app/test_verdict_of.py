@@ -50,7 +50,7 @@ def test_it_holds_for_its_model_and_its_shots(before, now, there, holds):
 def test_it_is_kept_with_the_session_and_an_older_file_has_none(tmp_path):
     session = Session(tmp_path / "session.json")
     session.add(replace(synthetic.shot(), path=str(tmp_path / "a.csv")))
-    session.set_verdict(1, "adequate", verdict_of(_found(("tilt",)), (1,)))
+    session.set_verdict(1, verdict_of(_found(("tilt",)), (1,)))
     (entry,) = Session.reopen(tmp_path / "session.json").entries
     assert entry.verdict_of == session.entries[0].verdict_of
     kept = json.loads((tmp_path / "session.json").read_text())
@@ -128,10 +128,10 @@ def test_forces_modelled_for_an_older_diagnosis_are_not_shown_beside_a_newer(qtb
         bench.close()
 
 
-def _entry(conclusion, found=(), words="in words of which nobody reads anything back"):
+def _entry(conclusion, found=()):
     session = Session()
     session.add(synthetic.shot())
-    session.set_verdict(1, words, VerdictBasis((), effects_named(found), (1,), conclusion))
+    session.set_verdict(1, VerdictBasis((), effects_named(found), (1,), conclusion))
     return session.entries[0]
 
 
@@ -143,7 +143,6 @@ def _entry(conclusion, found=(), words="in words of which nobody reads anything 
         (Verdict.EFFECT_FOUND, ("tilt", "adhesion"), ("tilt",), Tone.WARNING, ""),
         (Verdict.EFFECT_FOUND, ("tilt", "adhesion"), ("adhesion", "tilt", "viscous_drag"), Tone.GOOD, ": in the model"),
         (Verdict.PARTLY_EXPLAINED, (), (), Tone.WARNING, ""),
-        (None, ("tilt",), ("tilt",), Tone.WARNING, ""),  # of an earlier version: said as it was kept
     ],
 )
 def test_a_verdicts_tone_comes_from_what_was_concluded_and_not_from_its_words(conclusion, found, model, tone, more):
@@ -166,7 +165,7 @@ def test_every_conclusion_is_worded_in_one_place(qtbot):
         diagnosis = replace(_found(), verdict=conclusion)
         assert said.full in str(diagnosis_section(diagnosis, [synthetic.shot()]))
         model = SessionModel()
-        model.show_entries((_entry(conclusion, found, whole),))
+        model.show_entries((_entry(conclusion, found),))
         assert model.data(model.index(0, VERDICT)) == short
         assert model.data(model.index(0, VERDICT), Qt.ItemDataRole.EditRole) == whole
 

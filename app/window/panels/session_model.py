@@ -306,7 +306,7 @@ class SessionModel(QAbstractTableModel):
         shot, of = entry.shot, entry.verdict_of
         if column == FLAGS:
             return flags_in_short(shot.flags) if shot is not None else ""
-        if column != VERDICT or of is None or of.conclusion is None or shot is None or shot.problem:
+        if column != VERDICT or of is None or shot is None or shot.problem:
             return self._text(entry, column)
         return verdict_words(of.conclusion, of.found, short=True)
 

@@ -72,7 +72,7 @@ class SelectionPresenter(QObject):
 
     def _judged_by(self, entry: Entry | None) -> Diagnosis | None:
         """Return the diagnosis behind an entry's verdict if the verdict is valid, else None."""
-        if entry is None or not entry.verdict or not self._workbench.session.verdict_is_valid(entry):
+        if entry is None or entry.verdict_of is None or not self._workbench.session.verdict_is_valid(entry):
             return None
         found = self._workbench.diagnoses.of([entry.number])
         return found.diagnosis if found is not None and entry.number in found.numbers else None

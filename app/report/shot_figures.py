@@ -52,7 +52,7 @@ def figures(shot: Shot) -> list[Markup]:
     zero, label = time_zero(shot)
     overlay = shot.fit.shots[0].overlay if shot.fit is not None and shot.fit.converged and shot.fit.shots else None
     overlay_ms = 1e3 * (overlay.time_s - zero) if overlay is not None else np.empty(0)
-    course = _ShotTimeAxes(shot, motion, 1e3 * (motion.time_s - zero), label, overlay, overlay_ms)
+    course = _ShotTimeAxes(shot, motion, 1e3 * (motion.time_s - zero), f"{label} (ms)", overlay, overlay_ms)
     made = [_whole(course), _residuals(course)]
     if shot.impact is not None:
         made += [_first_contact(course), _deflection(course), _gap(course)]
@@ -194,13 +194,13 @@ def _legend(course: _ShotTimeAxes) -> list[tuple[str, str]]:
 
 
 def time_zero(shot: Shot) -> tuple[float, str]:
-    """Return the plots' time origin in s and its axis label: first touch, else the trigger, else the first sample."""
+    """Return the plots' time origin in s and its name: first touch, else the trigger, else the first sample."""
     touch = shot.impact.touch_time_s if shot.impact is not None else None
     if isinstance(touch, Quantity) and math.isfinite(touch.value):
-        return touch.value, "time from first touch (ms)"
+        return touch.value, "time from first touch"
     if shot.trigger_time_s is not None:
-        return shot.trigger_time_s, "time from the light switch (ms)"
-    return 0.0, "time from the first sample (ms)"
+        return shot.trigger_time_s, "time from the light switch"
+    return 0.0, "time from the first sample"
 
 
 def grid_ms(shot: Shot) -> tuple[float, float]:

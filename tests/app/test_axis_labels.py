@@ -9,7 +9,7 @@ from PySide6.QtGui import QPainter, QPicture
 from PySide6.QtTest import QTest
 
 from app.window.plots.axis import PlainAxis
-from app.window.plots.cursors import TIME
+from app.window.plots.cursors import SPEED
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_plot import TimeStack
 from app.window.theme import LIGHT
@@ -76,7 +76,7 @@ def test_no_unit_stands_alone_on_its_side(stack):
 
 
 def test_a_plot_over_something_else_than_time_names_its_values_too(qapp):
-    plot = PlainPlot("Force against speed", ("residual of the force", "mN"), "speed (m/s)", TIME)
+    plot = PlainPlot("Force against speed", ("residual of the force", "mN"), "speed", SPEED)
     plot.resize(*LOW)
     plot.show()
     QTest.qWait(20)
@@ -95,7 +95,7 @@ def test_a_plot_over_something_else_than_time_names_its_values_too(qapp):
 
 
 def test_a_name_longer_than_the_plot_ends_in_dots(qapp):
-    plot = PlainPlot("Trend", ("restitution, quasi-static", ""), "speed (m/s)", TIME)
+    plot = PlainPlot("Trend", ("restitution, quasi-static", ""), "speed", SPEED)
     plot.resize(180, 90)
     plot.show()
     QTest.qWait(20)
@@ -143,7 +143,7 @@ def _overlaps(plot) -> list[tuple[str, str]]:
 
 @pytest.mark.parametrize(("wide", "high", "least", "most"), NARROW)
 def test_the_numbers_of_a_small_plot_do_not_lie_over_one_another(qapp, monkeypatch, wide, high, least, most):
-    plot = PlainPlot("Trend", ("restitution", ""), "speed (m/s)", TIME)
+    plot = PlainPlot("Trend", ("restitution", ""), "speed", SPEED)
     plot.resize(wide, high)
     plot.show()
     plot.plot.view.setRange(xRange=(least, most), yRange=(least, most), padding=0.0)
@@ -159,7 +159,7 @@ def test_the_numbers_of_a_small_plot_do_not_lie_over_one_another(qapp, monkeypat
 
 
 def test_a_line_of_the_grid_stands_at_a_number_and_nowhere_else(qapp):
-    plot = PlainPlot("Trend", ("restitution", ""), "speed (m/s)", TIME)
+    plot = PlainPlot("Trend", ("restitution", ""), "speed", SPEED)
     plot.apply_colours(LIGHT)
     plot.resize(*HIGH)
     plot.show()
@@ -188,7 +188,7 @@ def test_the_grid_of_a_plot_without_numbers_is_that_of_the_plot_below(qapp):
     """In a stack the numbers of the lowest plot serve all."""
 
     def lines(hidden: bool) -> tuple[list[float], set[str]]:
-        plot = PlainPlot("Trend", ("restitution", ""), "speed (m/s)", TIME)
+        plot = PlainPlot("Trend", ("restitution", ""), "speed", SPEED)
         plot.apply_colours(LIGHT)
         plot.resize(*HIGH)
         if hidden:

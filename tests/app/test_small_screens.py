@@ -357,7 +357,7 @@ def test_a_plot_too_low_for_its_label_carries_its_name_inside(window):
                 axis = plot.getAxis("left")
                 if not plot.isVisible() or plot.size().height() < 4:
                     continue
-                whole = axis._label_shown == axis._whole
+                whole = axis._label_shown == axis.whole
                 assert caption_words(plot.caption) == ("" if whole else f"{plot.title} ({plot.unit})")
                 seen.add(whole)
     assert (window.width() >= 1366) in seen  # else nothing was asked

@@ -33,7 +33,7 @@ class TrendPlot(PlainPlot):
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__("Trend against impact velocity", ("", ""), "impact speed |v in| (m/s)", SPEED, parent)
+        super().__init__("Trend against impact velocity", ("", ""), "impact speed |v in|", SPEED, parent)
         self.plot.getAxis("left").setWidth(AXIS_WIDTH + 8)
         self._bars = pg.ErrorBarItem(x=np.zeros(0), y=np.zeros(0), beam=0.0)
         self._points = pg.ScatterPlotItem(size=9)
@@ -164,7 +164,7 @@ class ComparePanel(Themed, QWidget):
         self.stack = TimeStack("Overlaid shots", split)
         whole.clicked.connect(self.stack.reset)
         velocity, force = self.stack.add_plot("velocity", "m/s", 2), self.stack.add_plot("force", "N", 3)
-        self.stack.label_time("time from first touch (ms)")
+        self.stack.label_time("time from first touch")
         self._velocity_curves, self._force_curves = (
             [plot.add_curve("", series(index)) for index in range(MOST)] for plot in (velocity, force)
         )

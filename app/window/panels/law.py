@@ -12,7 +12,7 @@ from analysis.collision import FUNCTIONS, MAX_PARAMETERS, LawError, law_from_tab
 from analysis.diagnosis import LearnedLaw
 from analysis.shot import Shot
 from app.report import law_columns
-from app.window.plots.cursors import CursorAxis, CursorReadout
+from app.window.plots.cursors import DISTANCE, CursorAxis, CursorReadout
 from app.window.plots.legend import Legend
 from app.window.plots.lines import SIMULATED, LineStyle, series
 from app.window.plots.plain_plot import PlainPlot
@@ -31,7 +31,6 @@ from app.window.widgets import (
 from app.words import localised_text, prefix_for, short_name, typed_number
 
 MAX_FORMS = 4
-ALONG = CursorAxis("mm", "mm")
 EDGES, FREE = LineStyle("band_edge", width=1), LineStyle("measured", width=1)
 OTHERS = [series(index + 2) for index in range(MAX_FORMS)]
 
@@ -53,7 +52,7 @@ class LawCurve(QWidget):
         self.keep = push_button("Save law as …", "Save it under a name; later diagnoses include it", self, self._keep)
         add_row(column, self._heading, self.other, self.compare, self.keep)
         self._legend = added(column, Legend(self))
-        self.plot = PlainPlot("Learned law", ("force", "mN"), "", ALONG, self)
+        self.plot = PlainPlot("Learned law", ("force", "mN"), "displacement", DISTANCE, self)
         self._band = [self.plot.add_curve(f"{sign} 2 σ", EDGES) for sign in ("-", "+")]
         self._curve = self.plot.add_curve("free curve", FREE)
         self._form = self.plot.add_curve("closed form", SIMULATED)
@@ -109,7 +108,7 @@ class LawCurve(QWidget):
         self._legend.show_entries(legend)
         self.plot.legend = legend
         self.plot.plot.name_value("force", force_unit)
-        self.plot.plot.getAxis("bottom").setLabel(f"{law.argument} ({unit})")
+        self.plot.name_bottom(law.argument, CursorAxis(unit, unit))
         self.plot.columns = {name: np.array(values) for name, values in law_columns(law).items()}
         force = force_scale * law.curve_force_n
         reach = 0.1 * max(float(np.ptp(force)), 1e-9)

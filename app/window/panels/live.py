@@ -51,7 +51,7 @@ class SiteFloorPanel(Themed, QWidget):
         super().__init__(parent)
         self._shown: SiteFloor | None = None
         row = horizontal(self)
-        self.plot = LogPlot("Floor vibration in third-octaves", ("velocity", "µm/s"), "frequency (Hz)", FREQUENCY, self)
+        self.plot = LogPlot("Floor vibration in third-octaves", ("velocity", "µm/s"), "frequency", FREQUENCY, self)
         self.plot.setFixedHeight(150)
         self._names: list[pg.TextItem] = []
         self._criteria = [self.plot.add_curve(name, LineStyle("marker")) for name in CRITERIA]
@@ -145,7 +145,7 @@ class LivePanel(QWidget):
         for plot, span in zip(self._plots.values(), (0.02, 0.01, 0.05), strict=True):
             plot.minimum_span = span
             plot.steady = True
-        self.stack.label_time("time before now (ms)")
+        self.stack.label_time("time before now")
         self.stack.show_whole(-WINDOW_MS, 0.0)
         grid.addWidget(self.stack, 0, 0, 5, 1)
         self._readouts: list[CursorReadout] = []
@@ -163,7 +163,7 @@ class LivePanel(QWidget):
         for plot in self._raw_plots:
             plot.minimum_span = 0.1
             plot.steady = True
-        self.raw.label_time("time (ms), the newest samples")
+        self.raw.label_time("time of the newest samples")
         self.raw.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Ignored)  # the digits come first
         grid.addWidget(self.raw, 4, 1)
         self.plots = (self.stack, self.raw)

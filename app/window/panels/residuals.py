@@ -209,10 +209,10 @@ class Residuals(QWidget):
         super().__init__(parent)
         column = vertical(self, (6, 0, 0, 0))
         self._heading = added(column, text_label("RESIDUAL OF DISPLACEMENT", self, heading=True, wrap=True))
-        self.stack = BeforeAfter("Residual before and after", "nm", "time from first touch (ms)", TIME, self)
+        self.stack = BeforeAfter("Residual before and after", "nm", "time from first touch", TIME, self)
         self.curves = [plot.add_curve("residual", RESIDUAL) for plot in self.stack.plots]
-        title, bottom = "Residual of force before and after", "time from the first sample (s)"
-        self.forces = BeforeAfter(title, "N", bottom, SECONDS, self)
+        title = "Residual of force before and after"
+        self.forces = BeforeAfter(title, "N", "time from the first sample", SECONDS, self)
         self.force_curves = [plot.add_points("measured − modelled", RESIDUAL) for plot in self.forces.plots]
         self.forces.hide()
         for stack in (self.stack, self.forces):

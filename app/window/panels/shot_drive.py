@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QSplitter, QWidget
 
 from analysis.drive import DriveCurves
 from analysis.shot import Floats
+from analysis.uncertainty import with_unit
 from app.window.plots.cursors import DISTANCE, SECONDS, SPEED, CursorAxis
 from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, LineStyle
 from app.window.plots.plain_plot import PlainPlot
@@ -36,9 +37,9 @@ class DriveView:
         self._measured = force.add_points("measured", MEASURED)
         self._band = residual.add_band()
         self._residual = residual.add_points("measured − modelled", RESIDUAL)
-        self.stack.label_time("time from the first sample (s)")
-        self.speed = ForceAgainst("speed", "velocity (m/s)", SPEED, parent)
-        self.place = ForceAgainst("position", "position along the guide (mm)", DISTANCE, parent)
+        self.stack.label_time("time from the first sample")
+        self.speed = ForceAgainst("speed", "velocity", SPEED, parent)
+        self.place = ForceAgainst("position", "position along the guide", DISTANCE, parent)
         self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
         self.plots: tuple[PlotView, ...] = (self.stack, *self.speed.plots, *self.place.plots)
         self.say = text_label("", parent, faint=True, selectable=True, wrap=True)
@@ -94,7 +95,7 @@ class ForceAgainst(QSplitter):
 
     def __init__(self, what: str, bottom: str, axis: CursorAxis, parent: QWidget) -> None:
         super().__init__(Qt.Orientation.Vertical, parent)
-        self._bottom = bottom
+        self._bottom = with_unit(bottom, axis.unit)
         self._note_axes = NoteAxes(f"force vs {what}", 0.0, 1.0 / axis.scale)
         self._force = PlainPlot(f"Force against {what}", ("force", "N"), bottom, axis, self)
         self._residual_plot = PlainPlot(f"Residual of force against {what}", ("residual", "N"), bottom, axis, self)

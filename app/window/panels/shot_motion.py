@@ -202,7 +202,7 @@ class DeflectionView(PlainPlot):
     """
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        words = "deflection of the plate from first touch (mm)"
+        words = "deflection of the plate from first touch"
         super().__init__("Force against deflection", ("force", "N"), words, DISTANCE, parent)
         self._simulated = [self.add_curve(f"simulated, {branch}", SIMULATED) for branch in BRANCHES]
         self._measured = [self.add_curve(f"measured, {branch}", MEASURED) for branch in BRANCHES]

@@ -33,10 +33,10 @@ class SpectrumPanel(QWidget):
         column.addWidget(self.said)
         split = QSplitter(Qt.Orientation.Vertical, self)
         self._spectrum = PlainPlot(
-            "Spectrum of the beats", ("power", "dB above 1 V²/Hz"), "frequency (MHz)", FREQUENCY, split
+            "Spectrum of the beats", ("power", "dB above 1 V²/Hz"), "frequency", FREQUENCY, split
         )
         self._image = PlainPlot(
-            "Spectrogram of PD1", ("frequency of PD1", "MHz"), "time from first touch (ms)", TIME, split, False
+            "Spectrogram of PD1", ("frequency of PD1", "MHz"), "time from first touch", TIME, split, False
         )
         self.plots = (self._spectrum, self._image)
         self._curves = {role: self._spectrum.add_curve(CHANNEL_NAMES[role], LOOKS[role]) for role in BEATS}

@@ -7,6 +7,7 @@ import pyqtgraph as pg
 from PySide6.QtCore import QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetricsF, QPainter
 
+from analysis.uncertainty import with_unit
 from app.window.plots.lines import straight
 from app.words import localised_number
 
@@ -25,7 +26,7 @@ class PlainAxis(pg.AxisItem):
     fitted = Signal(bool)  # True: the whole label is shown
 
     def __init__(self, orientation: str) -> None:
-        self._whole = self._label_shown = ""
+        self.whole = self._unit = self._label_shown = ""
         self._fits = True
         self._group = [self]
         self._later = QTimer()
@@ -55,9 +56,9 @@ class PlainAxis(pg.AxisItem):
 
         A vertical axis never shows its unit alone ("V" on its side reads as ">"); the plot then shows a caption.
         """
-        if not self._whole:
+        if not self.whole:
             return
-        self._fits = self._has_room(self._whole)
+        self._fits = self._has_room(self.whole)
         for axis in self._group:
             axis._show_label(all(other._fits for other in self._group if other.isVisible()))
 
@@ -66,22 +67,23 @@ class PlainAxis(pg.AxisItem):
         return QFontMetricsF(self.label.font()).horizontalAdvance(text) + 8 <= room
 
     def _show_label(self, whole: bool) -> None:
-        unit = self._whole[self._whole.rfind("(") + 1 :].partition(")")[0]
-        text = self._whole if whole else unit if self.orientation != "left" and self._has_room(unit) else ""
+        text = self.whole if whole else self._unit if self.orientation != "left" and self._has_room(self._unit) else ""
         if text != self._label_shown:
             self._label_shown = self.labelText = text
             self.label.setHtml(self.labelString())
         super().resizeEvent(None)  # centre the label again
-        self.fitted.emit(text == self._whole)
+        self.fitted.emit(text == self.whole)
 
     def share_labels(self, others: "list[PlainAxis]") -> None:
         """Join the group of axes ``others``, which show their whole labels only if all labels fit."""
         others.append(self)
         self._group = others
 
-    def setLabel(self, text: str | None = None, *args: Any, **kwargs: Any) -> None:
-        self._whole = self._label_shown = text or ""
-        super().setLabel(text, *args, **kwargs)
+    def name_quantity(self, quantity: str, unit: str) -> None:
+        """Set the label: a quantity and its unit, "" for none."""
+        self.whole = self._label_shown = with_unit(quantity, unit)
+        self._unit = unit
+        self.setLabel(self.whole)
         self._fit_label()  # fitted at once, so that a cut label is never drawn
 
     def generateDrawSpecs(self, p: QPainter) -> Any:

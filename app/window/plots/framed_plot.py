@@ -113,9 +113,9 @@ class FramedPlot(pg.GraphicsWidget):
 
     def name_value(self, title: str, unit: str) -> None:
         self.title, self.unit = title, unit
-        words = f"{title} ({unit})" if unit else title
-        self.caption.say(words)
-        self.getAxis("left").setLabel(words)
+        left = self.getAxis("left")
+        left.name_quantity(title, unit)
+        self.caption.say(left.whole)
 
     def apply_colours(self, colours: Colours) -> None:
         """Apply colours to axes, grid, curves and bands."""

@@ -30,14 +30,19 @@ class PlainPlot(PlotView):
         parent: QWidget | None = None,
         tabulated: bool = True,
     ) -> None:
-        """``value`` is (name, unit) of y, ``bottom`` the label of x; ``tabulated``: the plot can be saved as CSV."""
+        """``value`` is (name, unit) of y, ``bottom`` the name of x; ``tabulated``: the plot can be saved as CSV."""
         super().__init__(name, axis, parent)
         self.table_words = "Save the values as CSV …" if tabulated else ""
         self.plot = FramedPlot(*value, self.axis_kind)
         self.join(self.plot)
-        self.plot.getAxis("bottom").setLabel(bottom)
+        self.name_bottom(bottom, axis)
         self.columns: dict[str, Floats] = {}
         self._whole: tuple[Span, Span] | None = None
+
+    def name_bottom(self, quantity: str, axis: CursorAxis) -> None:
+        """Set the quantity and the unit of x."""
+        self.cursors.axis = axis
+        self.plot.getAxis("bottom").name_quantity(quantity, axis.unit)
 
     def add_curve(self, label: str, look: LineStyle | None = None) -> PointCurve:
         """Add an empty curve that the cursors read."""

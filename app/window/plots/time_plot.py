@@ -159,9 +159,9 @@ class TimeStack(PlotView):
         plot.getAxis("left").share_labels(self._value_axes)
         return plot
 
-    def label_time(self, text: str) -> None:
-        """Set the label of the time axis, shown at the lowest plot."""
-        self.plots[-1].getAxis("bottom").setLabel(text)
+    def label_time(self, words: str) -> None:
+        """Set the label of the time axis, without its unit, shown at the lowest plot."""
+        self.plots[-1].getAxis("bottom").name_quantity(words, self.cursors.axis.unit)
 
     def zoom(self, left: float, right: float) -> None:
         """Show this time range in every plot, and fit the y axes."""

@@ -279,9 +279,9 @@ def _of_plot(plot: FramedPlot, first: bool) -> list[str]:
     """Return axes and content of a plot; x is that of the first: pyqtgraph links the others by their pixels."""
     x, y = plot.view.viewRange()
     bottom = plot.getAxis("bottom")
-    words = [bottom._whole] if bottom.style["showValues"] else ["no numbers at x"]
+    words = [bottom.whole] if bottom.style["showValues"] else ["no numbers at x"]
     words += [f"x {_span(*x)}"] if first else []
-    lines = [f"{plot.getAxis('left')._whole}: {', '.join((*filter(None, words), f'y {_span(*y)}'))}"]
+    lines = [f"{plot.getAxis('left').whole}: {', '.join((*filter(None, words), f'y {_span(*y)}'))}"]
     for curve in plot.sampled:
         if curve.isVisible() and len(curve.samples):
             x, values = curve.between(-math.inf, math.inf) if not hasattr(curve, "grid") else _grid(curve)

@@ -55,7 +55,6 @@ class _OpenSource:
     digitizer: Digitizer
     capture: "Capture"
     channels: tuple[Channel, ...]
-    bits: int
     rate_hz: float | None
 
 
@@ -179,11 +178,6 @@ class Rig:
         return self._running.channels if self._running is not None else ()
 
     @property
-    def bits(self) -> int | None:
-        """Get the resolution of the open source in bits."""
-        return self._running.bits if self._running is not None else None
-
-    @property
     def rate_hz(self) -> float | None:
         """Get the sample rate at which the open source takes shots."""
         return self._running.rate_hz if self._running is not None else None
@@ -280,7 +274,7 @@ class Rig:
             return
         settings: CaptureSettings | None = options.settings or digitizer.default_settings()
         rate = settings.sample_rate_hz if settings is not None else None
-        self._running = _OpenSource(source, digitizer, capture, able.channels, able.bits, rate)
+        self._running = _OpenSource(source, digitizer, capture, able.channels, rate)
         if planned is not None and not cancelled():  # no newer request came meanwhile
             self.arm()
 

@@ -10,15 +10,24 @@ from analysis.uncertainty import combined_uncertainties, with_combined_uncertain
 from app.session import Entry
 from app.window.panels.rig import TileText
 from app.window.theme import MARKS, Tone
-from app.words import MILD_FLAGS, VERDICTS, flag_words, joined, localised_number, number, size_words, tag, value_text
+from app.words import (
+    MILD_FLAGS,
+    VERDICTS,
+    flag_words,
+    joined,
+    localised_number,
+    localised_text,
+    number,
+    size_words,
+    tag,
+    value_text,
+)
 from instrument.capture import SignalLine, Snapshot, State
-from instrument.live import ChannelSignal
+from instrument.devices import Grade
+from instrument.live import MOVING_HZ, ChannelSignal, doppler_shift_hz, judge_beat
 from instrument.trigger import Level
 
-GOOD_SNR_DB = 25.0
-POOR_SNR_DB = 15.0
-MOVING_HZ = 10e3  # Doppler shift (3 mm/s) above which the block moves and the SNR of PD1's sweeping beat is meaningless
-CLIPPED_SHARE = 1e-3
+TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
 FULL_DISK_BYTES = 2e9
 AT_REST = "Not measured while the block moves"
 
@@ -98,17 +107,12 @@ def _sentences(*parts: str) -> str:
 def tile_texts(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[str, TileText]:
     """Return the text of each tile of the signal line."""
     found = {"pd0": TileText("–", Tone.NEUTRAL), "pd1": TileText("–", Tone.NEUTRAL)}
-    moves = False
-    rest_hz = next((c.frequency_hz for c in line.channels if c.role is Role.REFERENCE), None)
+    moves = abs(doppler_shift_hz(line.channels) or 0.0) > MOVING_HZ
     for channel in line.channels:
         if channel.role is Role.REFERENCE:
-            found["pd0"] = _beat(channel)
+            found["pd0"] = _beat(channel, rate_hz)
         elif channel.role is Role.MEASUREMENT:
-            found["pd1"] = _beat(channel)
-            moves = moving = rest_hz is not None and abs((channel.frequency_hz or rest_hz) - rest_hz) > MOVING_HZ
-            if moving and channel.clipped_fraction <= CLIPPED_SHARE:
-                words = localised_number(f"{1e-6 * (channel.frequency_hz or 0.0):.5f} MHz  moving")
-                found["pd1"] = TileText(words, Tone.NEUTRAL, AT_REST)
+            found["pd1"] = _beat(channel, rate_hz, moves)
     found["switch"] = _switch(line)
     # a sweeping beat is spread over the spectrum, so that the noise beside it cannot be measured
     found["floor"] = TileText("–", Tone.NEUTRAL, AT_REST) if moves else _floor(line, rate_hz, bandwidth_hz)
@@ -116,19 +120,16 @@ def tile_texts(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> 
     return found
 
 
-def _beat(channel: ChannelSignal) -> TileText:
+def _beat(channel: ChannelSignal, rate_hz: float | None, moves: bool = False) -> TileText:
     if channel.frequency_hz is None or channel.snr_db is None:
-        return TileText("no beat", Tone.BAD, "No beat above the noise: check laser, alignment and cable")
-    words = localised_number(f"{1e-6 * channel.frequency_hz:.5f} MHz  {channel.snr_db:.0f} dB")
-    if channel.clipped_fraction > CLIPPED_SHARE:
-        return TileText(
-            f"{words}", Tone.WARNING, f"Clipped: {100 * channel.clipped_fraction:.2g} % of samples at the range limit"
-        )
-    if channel.snr_db < POOR_SNR_DB:
-        return TileText(words, Tone.BAD, "Too weak for a clean shot: align the beams")
-    if channel.snr_db < GOOD_SNR_DB:
-        return TileText(words, Tone.WARNING, "Weak: the noise of velocity and force will be high")
-    return TileText(words, Tone.GOOD, f"Strong enough; amplitude {number(channel.amplitude_v, 3)} V")
+        words = "no beat"
+    else:
+        words = localised_number(f"{1e-6 * channel.frequency_hz:.5f} MHz  ")
+        if moves and not channel.clipped_fraction:  # a sweeping beat is spread over the spectrum: it has no SNR
+            return TileText(f"{words}moving", Tone.NEUTRAL, AT_REST)
+        words += f"{channel.snr_db:.0f} dB"
+    check = judge_beat(channel, rate_hz or math.inf)
+    return TileText(words, TONES[check.grade], f"{check.name}: {localised_text(check.line)}")
 
 
 def _switch(line: SignalLine) -> TileText:

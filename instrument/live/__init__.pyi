@@ -1,9 +1,10 @@
 from .live_thread import LiveThread, warm
 from .live_view import ChannelSignal, LiveView, empty_view
 from .ring import DeliveredRate, Overwritten, Ring, Stream
-from .setup_check import judge, judge_site, try_signals
+from .setup_check import MOVING_HZ, doppler_shift_hz, judge, judge_beat, judge_site, try_signals
 
 __all__ = [
+    "MOVING_HZ",
     "ChannelSignal",
     "DeliveredRate",
     "LiveThread",
@@ -11,8 +12,10 @@ __all__ = [
     "Overwritten",
     "Ring",
     "Stream",
+    "doppler_shift_hz",
     "empty_view",
     "judge",
+    "judge_beat",
     "judge_site",
     "try_signals",
     "warm",

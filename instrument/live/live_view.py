@@ -22,6 +22,7 @@ class ChannelSignal:
 
     role: Role
     amplitude_v: float  # of the beat (rms times root two); of the switch: its level
+    range_v: float  # largest amplitude that the converter resolves
     clipped_fraction: float
     frequency_hz: float | None  # of the strongest line; None if no line exceeds the noise
     snr_db: float | None  # power of that line over the power of everything else

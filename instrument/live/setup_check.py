@@ -1,6 +1,6 @@
-"""Checks of the guided set-up: each beat is there, strong and unclipped; the light switch toggles.
+"""Checks of the signals at rest: each beat is there, strong and unclipped; the light switch toggles.
 
-The window judges the running stream; ``try_signals`` does the same without a screen.
+The window judges the running stream, in the set-up and in the signal line; ``try_signals`` works without a screen.
 """
 
 import time
@@ -22,7 +22,7 @@ WEAK_SNR_DB = 15.0  # below, phase noise makes single cycles slip
 SMALL_SHARE = 0.05  # of the range: below, the converter's steps dominate the noise
 CLIPPED_SHARE = 0.01
 NYQUIST_SHARE = 0.4
-SAME_BEAT_HZ = 20e3  # a block held by hand shifts the beat by less
+MOVING_HZ = 20e3  # a block held by hand shifts the beat by less
 WATCHED_S = 3.0  # time to pass the block through the light switch by hand
 TRIGGER_WAIT_S = 20.0
 _BLOCK = 1 << 17
@@ -31,22 +31,14 @@ _EARLIER_LOOKS = 4  # measurements kept before the newest one
 
 
 def judge(
-    signals: Sequence[ChannelSignal],
-    channels: Sequence[Channel],
-    bits: int,
-    sample_rate_hz: float,
-    toggles: int,
-    rest_frequency_hz: float | None = None,
+    signals: Sequence[ChannelSignal], sample_rate_hz: float, toggles: int, rest_frequency_hz: float | None = None
 ) -> tuple[Check, ...]:
     """Judge the signal of each channel of an armed rig at rest; ``toggles`` is how often the light switch changed."""
-    checks = []
-    for signal, channel in zip(signals, channels, strict=True):
-        if signal.role is Role.SWITCH:
-            checks.append(_switch(signal, toggles))
-        else:
-            checks.append(_beat(signal, abs(channel.volts_per_count) * 2.0 ** (bits - 1), sample_rate_hz))
-    checks += _rest(signals, rest_frequency_hz)
-    return tuple(checks)
+    checks = [
+        _switch(signal, toggles) if signal.role is Role.SWITCH else judge_beat(signal, sample_rate_hz)
+        for signal in signals
+    ]
+    return (*checks, *_rest(signals, rest_frequency_hz))
 
 
 def judge_site(floor: SiteFloor) -> Check:
@@ -58,11 +50,12 @@ def judge_site(floor: SiteFloor) -> Check:
     return Check("site", Grade.OK, line)
 
 
-def _beat(signal: ChannelSignal, range_v: float, sample_rate_hz: float) -> Check:
+def judge_beat(signal: ChannelSignal, sample_rate_hz: float) -> Check:
+    """Judge one beat at rest."""
     name = NAMES[signal.role]
     if signal.frequency_hz is None or signal.snr_db is None:
         return Check(name, Grade.FAIL, "no beat above the noise: check laser, alignment and cable")
-    share = signal.amplitude_v / range_v
+    share = signal.amplitude_v / signal.range_v
     found = (
         f"beat at {signal.frequency_hz / 1e6:.4f} MHz, {signal.amplitude_v:.3g} V ({100 * share:.0f} % of the range), "
         f"{signal.snr_db:.0f} dB"
@@ -92,20 +85,21 @@ def _switch(signal: ChannelSignal, toggles: int) -> Check:
     return Check(name, Grade.OK, f"{level}, toggled {toggles} time{'s' if toggles > 1 else ''}")
 
 
+def doppler_shift_hz(signals: Sequence[ChannelSignal], rest_frequency_hz: float | None = None) -> float | None:
+    """Return how far PD1's beat is from PD0's, without PD0 from ``rest_frequency_hz``; None if a beat is missing."""
+    beats = {Role.REFERENCE: rest_frequency_hz} | {signal.role: signal.frequency_hz for signal in signals}
+    rest, moving = beats[Role.REFERENCE], beats.get(Role.MEASUREMENT)
+    return None if rest is None or moving is None else moving - rest
+
+
 def _rest(signals: Sequence[ChannelSignal], rest_frequency_hz: float | None) -> list[Check]:
-    beats = {signal.role: signal.frequency_hz for signal in signals if signal.role is not Role.SWITCH}
-    if Role.REFERENCE not in beats:
-        if rest_frequency_hz is None:
-            return [Check("rest frequency", Grade.FAIL, "no channel carries PD0: give the rest frequency")]
-        rest: float | None = rest_frequency_hz
-    else:
-        rest = beats[Role.REFERENCE]
-    moving = beats.get(Role.MEASUREMENT)
-    if rest is None or moving is None:
+    if rest_frequency_hz is None and all(signal.role is not Role.REFERENCE for signal in signals):
+        return [Check("rest frequency", Grade.FAIL, "no channel carries PD0: give the rest frequency")]
+    shift_hz = doppler_shift_hz(signals, rest_frequency_hz)
+    if shift_hz is None:
         return []
-    shift_hz = moving - rest
     line = f"PD1 is {shift_hz / 1e3:+z.1f} kHz from the rest frequency"
-    if abs(shift_hz) > SAME_BEAT_HZ:
+    if abs(shift_hz) > MOVING_HZ:
         return [Check("rest frequency", Grade.WARN, f"{line}: is the block at rest, and is it PD1 on this channel?")]
     return [Check("rest frequency", Grade.OK, line)]
 
@@ -131,9 +125,7 @@ def try_signals(
         digitizer.stop()
     rate_hz, rest_hz = settings.sample_rate_hz, digitizer.setup.rest_frequency_hz
     toggles = switch.toggles if switch is not None else 0
-    judged = (
-        judge(check_signals(look, channels, rate_hz, bits), channels, bits, rate_hz, toggles, rest_hz) for look in looks
-    )
+    judged = (judge(check_signals(look, channels, rate_hz, bits), rate_hz, toggles, rest_hz) for look in looks)
     latest = next(judged)
     if _all_ok(latest) or any(check.grade is Grade.FAIL for check in latest):
         return latest
@@ -191,13 +183,14 @@ def check_signals(
     signals = []
     for taken, channel in zip(counts.T, channels, strict=True):
         clipped = float(np.mean((taken >= rail - 1) | (taken <= -rail)))
+        range_v = rail * abs(channel.volts_per_count)
         if channel.role is Role.SWITCH:
             level = float(np.median(taken)) * channel.volts_per_count + channel.offset_v
-            signals.append(ChannelSignal(channel.role, level, clipped, None, None))
+            signals.append(ChannelSignal(channel.role, level, range_v, clipped, None, None))
             continue
         amplitude = float(np.std(taken) * np.sqrt(2.0) * abs(channel.volts_per_count))
         frequency, snr = _strongest_line(taken - taken.mean(), sample_rate_hz)
-        signals.append(ChannelSignal(channel.role, amplitude, clipped, frequency, snr))
+        signals.append(ChannelSignal(channel.role, amplitude, range_v, clipped, frequency, snr))
     return tuple(signals)
 
 

@@ -82,7 +82,7 @@ def _until(done) -> None:
 
 def _runs(rig, state: State = State.IDLE) -> Capture:
     capture = Capture(state)
-    rig._running = _OpenSource("bench?seed=1", SimpleNamespace(), capture, ("PD0", "PD1"), 14, 2e6)
+    rig._running = _OpenSource("bench?seed=1", SimpleNamespace(), capture, ("PD0", "PD1"), 2e6)
     return capture
 
 
@@ -91,7 +91,7 @@ def test_a_source_that_failed_says_why_and_can_be_armed_to_open_again(rig) -> No
     assert (told.state, told.message, told.remedy) == (State.FAULT, "no such device", "plug it in")
     assert told.since_s == 100.0
     assert rig.can_arm(told) and rig.can_abort(told)
-    assert (rig.opened, rig.channels, rig.bits, rig.rate_hz) == (None, (), None, None)
+    assert (rig.opened, rig.channels, rig.rate_hz) == (None, (), None)
     assert rig.save_pending(Path("x")) == {}
     rig.now[0] = 200.0
     rig.arm()
@@ -108,7 +108,7 @@ def test_a_source_that_failed_says_why_and_can_be_armed_to_open_again(rig) -> No
 
 def test_commands_go_to_the_capture(rig) -> None:
     capture = _runs(rig)
-    assert (rig.opened, rig.channels, rig.bits, rig.rate_hz) == ("bench?seed=1", ("PD0", "PD1"), 14, 2e6)
+    assert (rig.opened, rig.channels, rig.rate_hz) == ("bench?seed=1", ("PD0", "PD1"), 2e6)
     rig.arm()
     rig.set_rearm(True)
     rig.arm()

@@ -31,7 +31,7 @@ def _verdicts(
     channels = tuple(channel for channel, _ in columns)
     counts = np.stack([values for _, values in columns], axis=1)[-CHECKED_SAMPLES:]
     signals = check_signals(counts, channels, RATE_HZ, BITS)
-    checks = judge(signals, channels, BITS, RATE_HZ, toggles, rest_frequency_hz)
+    checks = judge(signals, RATE_HZ, toggles, rest_frequency_hz)
     return {c.name: (c.grade.value, c.line) for c in checks}
 
 
@@ -71,7 +71,7 @@ def test_without_pd0_the_rest_frequency_must_be_given() -> None:
     found = _verdicts((SWITCH, switch), (PD1, _beat(2.73e6, 0.5)))
     assert found["rest frequency"] == ("fail", "no channel carries PD0: give the rest frequency")
     assert found["light switch"][0] == "warn"
-    assert judge([_signal(role=Role.SWITCH)], [SWITCH], BITS, RATE_HZ, 2)[0].line == "at 0.50 V, toggled 2 times"
+    assert judge([_signal(role=Role.SWITCH)], RATE_HZ, 2)[0].line == "at 0.50 V, toggled 2 times"
     known = _verdicts((SWITCH, switch), (PD1, _beat(2.73e6, 0.5)), rest_frequency_hz=2.731e6, toggles=3)
     assert known["rest frequency"][0] == "ok"
     assert known["light switch"] == ("ok", "at 0.05 V, toggled 3 times")
@@ -121,7 +121,8 @@ def test_a_switch_without_beats_is_checked():
 
 def _signal(**other: object) -> ChannelSignal:
     good: dict[str, Any] = {
-        "role": Role.REFERENCE, "amplitude_v": 0.5, "clipped_fraction": 0.0, "frequency_hz": 2.73e6, "snr_db": 40.0
+        "role": Role.REFERENCE, "amplitude_v": 0.5, "range_v": 1.0, "clipped_fraction": 0.0, "frequency_hz": 2.73e6,
+        "snr_db": 40.0,
     }  # fmt: skip
     return ChannelSignal(**good | other)
 
@@ -139,31 +140,33 @@ def _signal(**other: object) -> ChannelSignal:
     ],
 )
 def test_a_beat_is_good_up_to_its_limits(just_good: dict, just_not: dict, grade: str, line: str) -> None:
-    (good,) = judge([_signal(**just_good)], [PD0], BITS, RATE_HZ, 0)
-    (bad,) = judge([_signal(**just_not)], [PD0], BITS, RATE_HZ, 0)
+    (good,) = judge([_signal(**just_good)], RATE_HZ, 0)
+    (bad,) = judge([_signal(**just_not)], RATE_HZ, 0)
     assert line not in good.line and (bad.grade.value, line in bad.line) == (grade, True)
 
 
 def test_two_faults_are_told_together_and_a_falling_channel_has_the_same_range() -> None:
-    (both,) = judge([_signal(snr_db=3.0, amplitude_v=0.01)], [Channel(Role.REFERENCE, -VOLTS)], BITS, RATE_HZ, 0)
+    counts, channels = np.zeros((64, 2), np.int16), (PD0, Channel(Role.MEASUREMENT, -VOLTS))
+    assert [signal.range_v for signal in check_signals(counts, channels, RATE_HZ, BITS)] == [1.0, 1.0]
+    (both,) = judge([_signal(snr_db=3.0, amplitude_v=0.01)], RATE_HZ, 0)
     assert both.line == (
         "beat at 2.7300 MHz, 0.01 V (1 % of the range), 3 dB; weak against the noise: align the beams; "
         "small for this range: raise the gain"
     )
     assert both.grade is Grade.WARN and both.name == "PD0"
-    (wide,) = judge([_signal()], [Channel(Role.REFERENCE, 4 * VOLTS)], BITS, RATE_HZ, 0)
+    (wide,) = judge([_signal(range_v=4.0)], RATE_HZ, 0)
     assert wide.line == "beat at 2.7300 MHz, 0.5 V (12 % of the range), 40 dB"
 
 
 @pytest.mark.parametrize(("shift_hz", "grade"), [(20e3, "ok"), (-20e3, "ok"), (20.1e3, "warn"), (-20.1e3, "warn")])
 def test_a_block_in_a_hand_is_near_the_rest_frequency(shift_hz: float, grade: str) -> None:
     moving = _signal(role=Role.MEASUREMENT, frequency_hz=2.73e6 + shift_hz)
-    checks = judge([_signal(), moving], [PD0, PD1], BITS, RATE_HZ, 0)
+    checks = judge([_signal(), moving], RATE_HZ, 0)
     assert (checks[-1].name, checks[-1].grade.value) == ("rest frequency", grade)
     assert f"PD1 is {shift_hz / 1e3:+.1f} kHz from" in checks[-1].line
     # PD0 goes before a frequency that is given; without its beat there is nothing to compare with
-    assert judge([_signal(), moving], [PD0, PD1], BITS, RATE_HZ, 0, 9e6)[-1] == checks[-1]
-    none = judge([_signal(frequency_hz=None), moving], [PD0, PD1], BITS, RATE_HZ, 0, 2.73e6)
+    assert judge([_signal(), moving], RATE_HZ, 0, 9e6)[-1] == checks[-1]
+    none = judge([_signal(frequency_hz=None), moving], RATE_HZ, 0, 2.73e6)
     assert [check.name for check in none] == ["PD0", "PD1"]
 
 

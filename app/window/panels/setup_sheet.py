@@ -6,6 +6,7 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 
+from app.window.state_words import TONES
 from app.window.theme import MARKS, Tone
 from app.window.widgets import (
     Sheet,
@@ -22,7 +23,6 @@ from app.window.widgets import (
 from app.words import counted, lines, localised_text, tag
 from instrument.devices import Check, FoundDevice, Grade
 
-TONES = {Grade.OK: Tone.GOOD, Grade.WARN: Tone.WARNING, Grade.FAIL: Tone.BAD}
 BENCH = FoundDevice("bench", "Simulated bench", "no device needed")
 MAX_CHECKS = 6
 TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "Light switch", "site": "Site"}

@@ -6,7 +6,7 @@ import time
 from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.shot import Progress, Role, Stop
-from app.session import Jobs, Rig, SettingsStore
+from app.session import Job, Jobs, Rig, SettingsStore
 from app.window.layout import Layout
 from instrument.capture import Snapshot
 from instrument.devices import (
@@ -106,16 +106,12 @@ class SetupPresenter(QObject):
         self._sheet.show_remedy(udev_instructions() if barred and sys.platform.startswith("linux") else "")
 
     def _verdicts(self, snapshot: Snapshot) -> tuple[tuple[Check, ...], str]:
-        line, channels, bits, rate_hz = snapshot.signal, self._rig.channels, self._rig.bits, self._rig.rate_hz
-        if not channels or bits is None or rate_hz is None:
+        line, rate_hz = snapshot.signal, self._rig.rate_hz
+        if rate_hz is None:
             return (), snapshot.message or "opening the source …"
-        signals = {signal.role: signal for signal in line.channels}
-        seen = [(signals[c.role], c) for c in channels if c.role in signals]
-        if not seen:
+        if not line.channels:
             return (), "No samples yet. A source that sends samples only when armed shows its signals after ARM."
-        found, channels_seen = zip(*seen, strict=True)
-        rest_hz = self._store.settings.rest_frequency_hz if Role.REFERENCE not in signals else None
-        checks = judge(found, channels_seen, bits, rate_hz, line.switch_toggles, rest_hz)
+        checks = judge(line.channels, rate_hz, line.switch_toggles, self._store.settings.rest_frequency_hz)
         floor = snapshot.live.floor
         return (*checks, judge_site(floor)) if floor is not None else checks, ""
 

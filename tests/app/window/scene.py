@@ -47,9 +47,9 @@ def settle(window, until=lambda: True):
 def quiet(**changes):
     """Return the snapshot of a rig at rest with sound signals."""
     signals = (
-        ChannelSignal(Role.REFERENCE, 0.812, 0.0, 2.730121e6, 41.3),
-        ChannelSignal(Role.MEASUREMENT, 0.643, 0.0, 2.730118e6, 38.2),
-        ChannelSignal(Role.SWITCH, 4.1, 0.0, None, None),
+        ChannelSignal(Role.REFERENCE, 0.812, 1.0, 0.0, 2.730121e6, 41.3),
+        ChannelSignal(Role.MEASUREMENT, 0.643, 1.0, 0.0, 2.730118e6, 38.2),
+        ChannelSignal(Role.SWITCH, 4.1, 5.0, 0.0, None, None),
     )
     line = SignalLine(signals, Level.HIGH, 3, (1.2, 3.4), 412 * 10**9, PurePosixPath("/data/rig"))
     return replace(Snapshot(State.IDLE, time.monotonic(), False, "", "", line, empty_view()), **changes)

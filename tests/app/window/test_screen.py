@@ -84,14 +84,16 @@ def test_every_state_of_the_rig(window, monkeypatch):
     waiting = tuple(CapturedShot(n, f"shot-{n}", None, CaptureSettings(1e6, 64, 0), waits=True) for n in (5, 6))
     poor = SignalLine(
         (
-            ChannelSignal(Role.REFERENCE, 0.2, 0.0, 2.73e6, 21.0),
-            ChannelSignal(Role.MEASUREMENT, 0.9, 4e-3, 2.5e6, 30.0),
+            ChannelSignal(Role.REFERENCE, 0.2, 1.0, 0.0, 2.73e6, 21.0),
+            ChannelSignal(Role.MEASUREMENT, 0.9, 1.0, 4e-3, 2.5e6, 30.0),
         ),
         Level.UNKNOWN, 0, disk_free_bytes=10**9, folder=PurePosixPath("/full"),
     )  # fmt: skip
     weak = replace(poor, channels=tuple(replace(c, snr_db=12.0, clipped_fraction=0.0) for c in poor.channels))
     lost = replace(
-        poor, channels=(ChannelSignal(Role.MEASUREMENT, 0.0, 0.0, None, None),), folder_problem="/full is read-only"
+        poor,
+        channels=(ChannelSignal(Role.MEASUREMENT, 0.0, 1.0, 0.0, None, None),),
+        folder_problem="/full is read-only",
     )
     states = {
         "arming": quiet(state=State.ARMING),

@@ -17,13 +17,13 @@ from analysis.shot import (
     AnalysisError,
     Cancelled,
     Fit,
-    Motion,
     NotSeen,
     Quantity,
     Shot,
     VibrationSpectrum,
     fit_flags,
     fit_with_rate_error,
+    motions_of,
 )
 from levimass import base_model
 
@@ -115,9 +115,7 @@ def fit_shot(shot: Shot, effects: tuple[Effect, ...], cancelled: Callable[[], bo
     shot = replace(shot, settings=replace(shot.settings, effects=effects))
     assert shot.motion is not None
     try:
-        fit = fit_jointly(
-            [shot.motion], shot.settings.model, effects, cancelled, [vibration_of(shot)], shot.settings.fit_seconds
-        )
+        fit = fit_jointly([shot], shot.settings.model, effects, cancelled, shot.settings.fit_seconds)
         fit = fit_with_rate_error(fit, shot.motion)
         return _with_pulse_from_fit(replace(with_fit(shot, fit), problem=None, fit_problem=None))
     except AnalysisError as error:
@@ -144,17 +142,19 @@ def vibration_of(shot: Shot) -> VibrationSpectrum | None:
 
 
 def fit_jointly(
-    motions: Sequence[Motion],
+    shots: Sequence[Shot],
     base: str,
     effects: tuple[Effect, ...],
     cancelled: Callable[[], bool] | None = None,
-    vibrations: Sequence[VibrationSpectrum | None] = (),
     seconds: float = FIT_SECONDS,
 ) -> Fit:
-    """Return one fit of all motions with this base model and effects.  Raises AnalysisError, Cancelled.
+    """Return one fit of all shots that have a motion, with this base model and effects.
 
-    ``vibrations`` are the vibrations of each motion's frame, if known; ``seconds`` is the time limit per motion.
+    The vibration of each shot's frame is that of its readings; ``seconds`` is the time limit per shot.  Raises
+    AnalysisError, Cancelled.
     """
+    motions = motions_of(shots)
+    vibrations = [vibration_of(shot) for shot in shots if shot.motion is not None]
     left = FitTime(seconds * len(motions), cancelled)
 
     def fit() -> Fit:

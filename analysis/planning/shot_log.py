@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis
 from analysis.planning.next_shot import MAX_SHOTS, NextShot, Reach, first_indistinguishable
-from analysis.shot import Motion, Progress, Stop
+from analysis.shot import Progress, Shot, Stop, motions_of
 
 if TYPE_CHECKING:  # these import the whole diagnosis, which a window does not need before it makes a plan
     from analysis.planning.model_comparison import ModelComparison
@@ -69,7 +69,7 @@ class PlanningState:
 
 
 def plan_next(
-    motions: Sequence[Motion],
+    shots: Sequence[Shot],
     diagnosis: Diagnosis,
     steps: Sequence[PlannedStep] = (),
     *,
@@ -78,7 +78,7 @@ def plan_next(
     progress: Progress = lambda _what, _fraction: None,
     cancelled: Stop = lambda: False,
 ) -> PlanningState:
-    """Plan the shots still needed, given ``motions`` and ``diagnosis``; the last of ``steps``, if any, was just taken.
+    """Plan the shots still needed, given ``shots`` and their diagnosis; the last of ``steps``, if any, was just taken.
 
     At most ``left`` shots are planned; with 0 left, as many as if none had been taken.  Raises AnalysisError,
     Cancelled.
@@ -87,6 +87,7 @@ def plan_next(
     from analysis.planning.plan import plan
 
     done, undecided_now = list(steps), first_indistinguishable(diagnosis)
+    motions = motions_of(shots)
     comparison: ModelComparison | None = None
     if done:
         comparison = compare_models(diagnosis.fit_after, done[-1].members, motions, cancelled)

@@ -269,7 +269,6 @@ def plan_shots(
     ``reach`` are the rig's possible speeds, weights and run-up; None: the planning's defaults.  Returns None, after
     one line on standard error, if there is nothing to plan from.
     """
-    motions = motions_of(fitted_shots(shots))
     if diagnosis is None:
         say("nothing planned: there is no diagnosis")
         return None
@@ -277,13 +276,15 @@ def plan_shots(
         say("nothing planned: a drive strikes no plate, so there is no collision to plan")
         return None
 
+    fitted = fitted_shots(shots)
+
     def planned() -> PlannedShots:
         if parameter:
-            fitted = refit_diagnosed(diagnosis.fit_after, motions, lambda: False)
-            sharper = plan_precision(fitted, parameter, reach=reach)
+            refitted = refit_diagnosed(diagnosis.fit_after, motions_of(fitted), lambda: False)
+            sharper = plan_precision(refitted, parameter, reach=reach)
             words = f"{shots_in_words(sharper.shots)} would make {sharper.words}."
             return PlannedShots(words, {**sharper.to_json(), "words": words})
-        further = plan_next(motions, diagnosis, reach=reach).plan
+        further = plan_next(fitted, diagnosis, reach=reach).plan
         if further is None:
             return PlannedShots(NOTHING_OPEN, None)
         return PlannedShots(further.words, further.to_json())

@@ -13,7 +13,7 @@ from analysis.planning import (
     plan_next,
 )
 from analysis.report import result
-from analysis.shot import AnalysisError, Shot, fitted_shots, motions_of
+from analysis.shot import AnalysisError, Shot, fitted_shots
 from app.command_line.acquire import CaptureRequest, opened, record_shots
 from app.command_line.outputs import check_outputs, error_line, json_text, say, say_problem, write_json
 from app.session import load_and_analyse, planned_record, planned_setup
@@ -79,7 +79,7 @@ def _standing(
         raise AnalysisError("no shot could be analysed, so there is nothing to diagnose")
     diagnosis = diagnose(fitted)
     say(f"after {len(fitted)} shots: {diagnosis.sentence}")
-    standing = plan_next(motions_of(fitted), diagnosis, steps, left=left, reach=reach)
+    standing = plan_next(fitted, diagnosis, steps, left=left, reach=reach)
     if standing.steps:
         last = standing.steps[-1]
         reached = "not known" if last.reached is None else f"{last.reached:.2g}"

@@ -13,8 +13,8 @@ import numpy as np
 
 from analysis.collision import Effect
 from analysis.diagnosis import Candidate, Diagnosis
-from analysis.fitted import fit_jointly, vibration_of
-from analysis.shot import AnalysisError, Floats, Motion, Progress, Shot, Stop, VibrationSpectrum, motions_of
+from analysis.fitted import fit_jointly
+from analysis.shot import AnalysisError, Floats, Progress, Shot, Stop
 from app.session.jobs import Job, JobQueues
 
 MOST = 6  # most candidates fitted: effects found, then the next best
@@ -36,17 +36,11 @@ def by_evidence(candidates: Sequence[Candidate]) -> list[Candidate]:
 
 
 def candidate_residual(
-    motions: Sequence[Motion],
-    base: str,
-    effects: tuple[Effect, ...],
-    vibrations: Sequence[VibrationSpectrum | None],
-    *,
-    progress: Progress,
-    cancelled: Stop,
+    shots: Sequence[Shot], base: str, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop
 ) -> CandidateResidual:
     """Return the residual of a joint fit with these effects; the last of them is the candidate."""
     try:
-        fit = fit_jointly(motions, base, effects, cancelled, vibrations)
+        fit = fit_jointly(shots, base, effects, cancelled)
     except AnalysisError:
         return CandidateResidual(effects[-1], None, float("nan"))
     left = tuple(np.asarray(part.residual_m) for part in fit.shots) if fit.converged else None
@@ -59,8 +53,7 @@ class CandidateResiduals:
     def __init__(self, work: JobQueues) -> None:
         self._work = work
         self._of: Diagnosis | None = None
-        self._motions: list[Motion] = []
-        self._vibrations: list[VibrationSpectrum | None] = []
+        self._shots: list[Shot] = []
         self._wanted: list[Effect] = []
         self._job: Job | None = None
         self._arrived = False  # whether a residual was found since the last ``refresh``
@@ -78,10 +71,9 @@ class CandidateResiduals:
         if self._job is not None:
             self._job.discard()
         self._of, self.found, self._job = diagnosis, {}, None
-        self._motions = motions_of(shots)
-        self._vibrations = [vibration_of(shot) for shot in shots if shot.motion is not None]
+        self._shots = [shot for shot in shots if shot.motion is not None]
         self._wanted = []
-        if diagnosis is None or diagnosis.drive is not None or not self._motions:
+        if diagnosis is None or diagnosis.drive is not None or not self._shots:
             return
         before = set(diagnosis.fit_before.effects)
         named = [found.effect for found in diagnosis.effects]
@@ -107,7 +99,7 @@ class CandidateResiduals:
 
     def _ask(self, diagnosis: Diagnosis, effect: Effect) -> None:
         effects = (*diagnosis.fit_before.effects, effect)
-        fitting = partial(candidate_residual, self._motions, diagnosis.fit_before.model, effects, self._vibrations)
+        fitting = partial(candidate_residual, self._shots, diagnosis.fit_before.model, effects)
 
         def work(report: Progress, cancelled: Stop) -> CandidateResidual:
             report("fit with this candidate", 0.0)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.collision import Effect, LawError, UserLaw, law_from_table, without_nuisances
 from analysis.diagnosis import Diagnosis, ModelFileError, SavedModel, drift, from_text, saved, to_text
-from analysis.fitted import FIT_SECONDS, fit_jointly, run_with_time_limit, vibration_of
+from analysis.fitted import FIT_SECONDS, fit_jointly, run_with_time_limit
 from analysis.shot import (
     AnalysisError,
     Fit,
@@ -56,7 +56,7 @@ def save_model(
         fit = diagnosis.fit_after
     else:
         diagnosis = None
-        fit = fit_jointly(motions_of(fitted), base, effects, cancelled, [vibration_of(shot) for shot in fitted])
+        fit = fit_jointly(fitted, base, effects, cancelled)
     if not fit.converged:
         raise AnalysisError("the joint fit did not converge: misfit exceeds noise, run Diagnose first")
     named = {finding.effect for finding in diagnosis.findings} if diagnosis is not None else set()
@@ -114,10 +114,8 @@ def predicted(shots: Sequence[Shot], model: SavedModel, cancelled: Stop | None =
     """
     from analysis.diagnosis import evaluate_predictions  # slow to import
 
-    seen = [(shot.motion, shot.path or shot.name) for shot in shots if shot.motion is not None]
-    motions, names = [motion for motion, _ in seen], [name for _, name in seen]
-    seconds = FIT_SECONDS * (1 + len(seen))
-    return run_with_time_limit(lambda: evaluate_predictions(motions, names, model, cancelled), seconds, cancelled)
+    seconds = FIT_SECONDS * (1 + len(motions_of(shots)))
+    return run_with_time_limit(lambda: evaluate_predictions(shots, model, cancelled), seconds, cancelled)
 
 
 def significant_drift(known: SavedModel, fit: Fit) -> dict[str, float]:

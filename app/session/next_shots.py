@@ -15,7 +15,7 @@ from analysis.planning import (
     next_step,
     plan_next,
 )
-from analysis.shot import Setup, Shot, motions_of
+from analysis.shot import Setup, Shot
 from app.session.entry import Entry
 from app.session.rig import Rig
 from app.session.settings_store import SettingsStore
@@ -62,9 +62,9 @@ class NextShots:
 
     def plan(self, found: Diagnosed, steps: Sequence[PlannedStep] = ()) -> None:
         """Queue the planning of a shot that distinguishes the candidates of a diagnosis, given earlier ``steps``."""
-        motions = motions_of(self._workbench.session.shots(found.numbers))
+        shots = self._workbench.session.shots(found.numbers)
         left = max(0, MAX_SHOTS - len(steps))
-        work = partial(plan_next, motions, found.diagnosis, tuple(steps), left=left, reach=self._store.settings.reach)
+        work = partial(plan_next, shots, found.diagnosis, tuple(steps), left=left, reach=self._store.settings.reach)
         self._workbench.submit_long("next shot", work, PLAN, partial(self._take_plan, frozenset(found.numbers)))
 
     def _take_plan(self, numbers: frozenset[int], state: PlanningState) -> None:

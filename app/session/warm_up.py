@@ -35,9 +35,10 @@ def readings() -> Shot:
 def fit() -> None:
     """Fit the base model to a synthetic motion, and compute the model's motion on a moving frame."""
     from analysis.collision import PAPER, linear_path, moved_by_frame
-    from analysis.fitted import fit_jointly, fitted_contact_cor
+    from analysis.fitted import fitted_contact_cor
+    from analysis.inference import fit_shots
 
-    fitted_contact_cor(fit_jointly([_motion()], PAPER_MODEL, ()), _MASS_KG)
+    fitted_contact_cor(fit_shots([_motion()], model=PAPER_MODEL), _MASS_KG)
     time_s = np.arange(-_TOUCH_S, _LENGTH_S - _TOUCH_S, 5.0 / _MOTION_HZ)
     moved_by_frame(linear_path(PAPER, (), time_s), PAPER, np.array([2 * np.pi * _SHAKEN_HZ]), time_s.size)
 

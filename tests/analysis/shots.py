@@ -1,12 +1,14 @@
 """Analysed shots without a motion, for tests of what comes after the analysis."""
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact, KineticCor
+from analysis.shot.motion import Motion
 from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Setup
 from analysis.shot.shot import AnalysisSettings, Shot
@@ -64,3 +66,8 @@ def at_speed(name: str, speed: float, cor: float, cor_std: float) -> Shot:
         force_peak_n=force,
     )
     return shot_of(name, impact=impact)
+
+
+def shots_of(motions: Iterable[Motion]) -> list[Shot]:
+    """Return shots of these motions, named "1", "2" ..., with neither readings nor fit."""
+    return [shot_of(str(n), motion=motion, impact=None, fit=None) for n, motion in enumerate(motions, 1)]

@@ -19,6 +19,7 @@ from app.session.load import load_and_analyse
 from app.session.model_in_use import predictions_of
 from instrument.files.motion_file import read_motion
 from tests.analysis.drive.slider import Drive, Floats
+from tests.analysis.shots import shots_of
 
 
 def friction(x: Floats, v: Floats) -> Floats:
@@ -105,7 +106,7 @@ def test_the_air_track_foretells_a_run_it_never_saw(measured: Path) -> None:
         motions.append(motion_from_displacement(r.time_s, r.displacement_m, None, None, r.moving_mass_kg, 1e-4))
     found = diagnose(motions[:4], model="contact")
     model = from_text(to_text(saved(found.fit_after, [str(n) for n in range(1, 5)], found)))
-    told = evaluate_predictions(motions[4:], ["5"], model)
+    told = evaluate_predictions(shots_of(motions)[4:], model)
     # the camera alone leaves 40 um; each run's own flights are fitted beside the base as well
     assert told.error_model.displacement_rms_m < 62e-6 < 75e-6 < told.error_base.displacement_rms_m
     assert "predicted better by" in prediction_words(told)

@@ -56,8 +56,8 @@ def test_what_rests_on_a_model_says_on_which() -> None:
 
 def test_readings_made_again_after_a_diagnosis_say_so_in_result_table_and_report() -> None:
     shot = analyse_motion(disturbed_motion(RIG, Disturbance()), AnalysisSettings(), name="shot")
-    found = fit_jointly([shot.motion], "paper", (effect_named("viscous_drag"),)) if shot.motion is not None else None
-    assert shot.fit is not None and found is not None
+    found = fit_jointly([shot], "paper", (effect_named("viscous_drag"),))
+    assert shot.fit is not None
     again = read_with(shot, found)
     assert again.fit is shot.fit and again.impact is not None and shot.impact is not None
     assert again.impact.cor_kinetic.contact == fitted_contact_cor(found, MASS_KG)

@@ -16,6 +16,7 @@ from analysis.planning.model_comparison import compare_models
 from analysis.planning.next_shot import NextShot, Reach, contact_s, first_indistinguishable
 from analysis.planning.shot_log import PlannedStep, next_step, plan_next
 from analysis.shot.motion import Motion
+from tests.analysis.shots import shots_of
 from tests.bench.blind import Take, Truth, records
 from tests.benchmarks.loop_cases import Case, as_motion, draw
 
@@ -72,7 +73,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
     random = np.random.default_rng((case.seed, 0x19))
     said, steps, now = first, (), truth
     try:
-        standing = plan_next(_motions(now), said, steps)
+        standing = plan_next(shots_of(_motions(now)), said, steps)
         if standing.plan is not None and standing.plan.settles:
             levels = (CRITERIA.separation, standing.plan.separation)
             enough, as_much = _needed_at_random(first, _motions(truth), levels, case.seed)
@@ -82,7 +83,7 @@ def judge(case: Case, diagnose: Diagnose, *, at_random: bool = True) -> NextOutc
             now = taken(now, step.shot, like, random)
             shown = _motions(now)
             said = diagnose(shown)
-            standing = plan_next(shown, said, (*standing.steps, step), left=MOST - len(standing.steps) - 1)
+            standing = plan_next(shots_of(shown), said, (*standing.steps, step), left=MOST - len(standing.steps) - 1)
     except Exception as error:
         return replace(outcome, problem=f"{type(error).__name__}: {error}"[:200])
     settled = time.process_time()

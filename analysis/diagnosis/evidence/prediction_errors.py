@@ -20,8 +20,10 @@ from analysis.shot import (
     Floats,
     Motion,
     Quantity,
+    Shot,
     Stop,
     count_plates,
+    motions_of,
     names_on_plate,
     stated_stiffness_n_per_m,
 )
@@ -31,28 +33,29 @@ Parameters = Mapping[str, Quantity]
 OWN = 3  # v_in, touch and offset: the parameters fitted to the shot itself
 
 
-def evaluate_predictions(
-    motions: Sequence[Motion], names: Sequence[str], model: SavedModel, stop: Stop | None = None
-) -> PredictionTest:
-    """Return the errors of ``model`` and of its base in predicting ``motions``, with shots' ``names`` in that order.
+def evaluate_predictions(shots: Sequence[Shot], model: SavedModel, stop: Stop | None = None) -> PredictionTest:
+    """Return the errors of ``model`` and of its base in predicting the ``shots`` that have a motion.
 
     Every saved parameter is fixed.  Only a shot's speed, touch and offset (a drive's constant force), and its flights'
     bend where the model's shots had one each, are fitted to it.  The base has the parameters fitted to the shots of the
     model; where the file lacks these, the base is fitted to the tested shots themselves, which favours the base.
     Raises AnalysisError, Cancelled.
     """
-    if not motions:
+    if not motions_of(shots):
         raise AnalysisError("no shot was fitted, so there is nothing to foretell")
     asked = stop or (lambda: False)
-    base = model.base_parameters or fit_jointly(motions, model.base, (), asked).parameters
+    base = model.base_parameters or fit_jointly(shots, model.base, (), asked).parameters
     one = _collision if base_model(model.base).collides else _driven
     told = []
-    for motion, name in zip(motions, names, strict=True):
+    for shot in shots:
+        if shot.motion is None:
+            continue
         if asked():
             raise Cancelled
+        name = shot.path or shot.name
         took_part = name in model.shots
         try:
-            bare, whole = one(motion, *_on_its_plate(motion, model, base))
+            bare, whole = one(shot.motion, *_on_its_plate(shot.motion, model, base))
             told.append(PredictedShot(name, took_part, bare, whole))
         except (AnalysisError, Infeasible, np.linalg.LinAlgError) as error:
             told.append(PredictedShot(name, took_part, None, None, str(error)))

@@ -118,15 +118,15 @@ def test_each_shot_is_predicted_by_base_and_model_and_what_fails_says_why(
             raise failing[motion]
         return _errors(3e-9, 3.0), _errors(1e-9, 1.0)
 
-    def fitted(motions: Any, name: str, effects: Any, stop: Any) -> Any:
-        assert (motions, name, effects, stop()) == (list("abcd"), base, (), stopped)
+    def fitted(of: Any, name: str, effects: Any, stop: Any) -> Any:
+        assert (of, name, effects, stop()) == (shots, base, (), stopped)
         return SimpleNamespace(parameters={"fitted": 1})
 
     monkeypatch.setattr(module, "fit_jointly", fitted)
     monkeypatch.setattr(module, "_on_its_plate", lambda motion, model, base: (model, base))
     monkeypatch.setattr(module, "_driven" if base == "driven" else "_collision", one)
-    motions: Any = list("abcd")
-    found = evaluate_predictions(motions, ["a", "b", "c", "d"], model)
+    shots: Any = [SimpleNamespace(name=name, path=None, motion=name) for name in "abcd"]
+    found = evaluate_predictions(shots, model)
     assert asked == [(motion, {"known" if known else "fitted": 1}) for motion in "abcd"]
     assert [(shot.name, shot.took_part, shot.problem) for shot in found.shots] == [
         ("a", False, None), ("b", True, None), ("c", False, "too short"), ("d", False, "singular"),
@@ -136,9 +136,9 @@ def test_each_shot_is_predicted_by_base_and_model_and_what_fails_says_why(
     assert found.shots[0].error_base == _errors(3e-9, 3.0) and found.shots[3].error_model is None
     stopped = True
     with pytest.raises(Cancelled):
-        evaluate_predictions(motions, ["a"] * 4, model, lambda: True)
+        evaluate_predictions(shots, model, lambda: True)
     with pytest.raises(AnalysisError, match="nothing to foretell"):
-        evaluate_predictions([], [], model)
+        evaluate_predictions([], model)
 
 
 def test_a_drives_force_is_predicted_by_base_and_by_model(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,7 @@ from analysis.pipeline import analyse_motion
 from analysis.shot.shot import AnalysisError, AnalysisSettings, Cancelled, Shot
 from analysis.signal.record import motion_from_displacement
 from tests.analysis.drive.slider import Drive
+from tests.analysis.shots import shots_of
 from tests.analysis.synthetic_collision import MASS_KG, Synthetic, motion_of
 
 
@@ -58,7 +59,7 @@ def test_the_fit_of_a_drive_has_a_limit_of_time_too(monkeypatch: pytest.MonkeyPa
 
     monkeypatch.setattr("analysis.drive.driven_fit.fit_accepted", endless)
     with pytest.raises(AnalysisError, match="no end of the fit after 1 s"):
-        fit_jointly([Drive().motion()], "driven", (), seconds=1.0)
+        fit_jointly(shots_of([Drive().motion()]), "driven", (), seconds=1.0)
     time.sleep(0.2)
     done = len(fits)
     time.sleep(0.2)

@@ -139,7 +139,9 @@ def test_a_fit_is_made_of_the_shots_own_motion_model_and_time(monkeypatch: pytes
     shot = replace(shot, fit_problem="old", settings=replace(shot.settings, model="clamped", fit_seconds=3.5))
     stop = bool
     found = fit_shot(shot, (effect_named("tilt"),), stop)
-    assert asked == [([shot.motion], "clamped", (effect_named("tilt"),), stop, [None], 3.5)]
+    ((shots, *rest),) = asked
+    assert rest == ["clamped", (effect_named("tilt"),), stop, 3.5]
+    assert [one.motion for one in shots] == [shot.motion]
     assert found.fit_problem is None and found.fit is not None and found.settings.effects == (effect_named("tilt"),)
 
 
@@ -152,8 +154,7 @@ def test_what_ends_a_fit_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         raise ending[-1]
 
     monkeypatch.setattr(fitted_shot, "run_with_time_limit", ends)
-    motion = synthetic.shot().motion
-    assert motion is not None
+    shot = synthetic.shot()
     for error, said in (
         (AnalysisError("no touch"), "^no touch$"),
         (ZeroDivisionError("by zero"), r"^the model cannot be fitted to this motion \(by zero\)$"),
@@ -161,12 +162,12 @@ def test_what_ends_a_fit_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     ):
         ending.append(error)
         with pytest.raises(AnalysisError, match=said):
-            fit_jointly([motion, motion], "paper", (), seconds=4.0)
+            fit_jointly([shot, shot], "paper", (), seconds=4.0)
     assert {seconds for seconds, _ in limits} == {16.0}  # twice four for each of two
     assert "after 8 s" in limits[0][1]
     ending.append(KeyError("a fault of the program"))
     with pytest.raises(KeyError):
-        fit_jointly([motion], "paper", ())
+        fit_jointly([shot], "paper", ())
 
 
 def test_the_fitted_ones_of_shots_are_read_with_their_part_of_a_joint_fit() -> None:

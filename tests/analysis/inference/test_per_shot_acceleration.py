@@ -22,6 +22,7 @@ from analysis.inference.noise import per_shot_acceleration as module
 from analysis.inference.noise.per_shot_acceleration import per_shot_nuisances
 from analysis.shot.motion import Motion
 from tests.analysis.camera import MASS_KG, Camera
+from tests.analysis.shots import shots_of
 from tests.benchmarks.stories import simulated
 
 SPEEDS = (0.13, 0.16, 0.19, 0.23)
@@ -72,7 +73,7 @@ def test_what_is_taken_along_is_no_finding_and_a_foretold_shot_has_its_own(monke
     assert set(model.parameters) == set(model.base_parameters) == {
         "contact_stiffness_n_per_m", "contact_damping_n_s_per_m",
     }  # fmt: skip
-    told = evaluate_predictions(motions[3:], ["4"], model)
+    told = evaluate_predictions(shots_of(motions)[3:], model)
     assert told.error_model.displacement_rms_m < 24e-6  # noise of 20 um
     assert told.error_base.displacement_rms_m == pytest.approx(told.error_model.displacement_rms_m, rel=0.02)
 

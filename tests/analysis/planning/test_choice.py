@@ -17,6 +17,7 @@ from analysis.planning.next_shot import NextShot
 from analysis.planning.plan import SURE, Plan, _best, _chosen, _inseparable_from, _ranked, _separable, _worth
 from analysis.planning.predictions import Information
 from analysis.planning.shot_log import PlannedStep, PlanningState, next_step, plan_next
+from tests.analysis.shots import shots_of
 
 FAR = CRITERIA.separation
 A, B, C, D = (NextShot(speed, added, 0.01, 0.02) for speed, added in ((0.1, 0.0), (0.2, 0.0), (0.3, 0.0), (0.3, 0.05)))
@@ -240,9 +241,10 @@ def test_a_step_that_was_taken_is_held_against_its_members_and_the_rest_is_plann
     older = PlannedStep(B, (DRAG, MODE), {DRAG: 5.0}, 1.0, DRAG)
     taken = PlannedStep(A, (DRAG, TILT), {DRAG: 6.0, TILT: 8.0}, inseparable_from={TILT: (MODE,)})
     motions: Any = ["motion"]
-    state = plan_next(motions, diagnosis, (older, taken), left=left)
+    shots = shots_of(motions)
+    state = plan_next(shots, diagnosis, (older, taken), left=left)
     assert state == PlanningState(of_plan(), (older, replace(taken, reached=8.0, leader=TILT)))
     assert compared == [("fit", (DRAG, TILT), motions), *([] if still else [("fit", (TILT, MODE), motions)])]
     assert most == [left or 3]
     compared.clear()
-    assert plan_next(motions, diagnosis) == PlanningState(of_plan()) and len(compared) == 1
+    assert plan_next(shots, diagnosis) == PlanningState(of_plan()) and len(compared) == 1

@@ -23,6 +23,7 @@ from analysis.shot.motion import Motion
 from analysis.shot.shot import Cancelled
 from tests.analysis.diagnosis.shots import calm, motions_of
 from tests.analysis.planning.rig import rig, with_shots
+from tests.analysis.shots import shots_of
 from tests.bench.blind import Truth
 
 NAMES = ("coulomb_friction", "sensor_drift")
@@ -52,7 +53,7 @@ def test_friction_and_drift_are_separated_as_predicted(friction):
     motions = motions_of(with_shots(truth, wanted.shots, contact_s(shot, samples)))
     found = FoundEffect(effect_named("coulomb_friction"), {}, {})
     said = SimpleNamespace(effects=(found,), fit_after=fit_shots(motions, effects=NAMES[:1]))
-    standing = plan_next(motions, said, (PlannedStep(shot, wanted.members, wanted.after_first),))
+    standing = plan_next(shots_of(motions), said, (PlannedStep(shot, wanted.members, wanted.after_first),))
     (step,) = standing.steps
     assert standing.plan is None and standing.settled and step.leader == effect_named("coulomb_friction")
     # The force itself is known to a tenth or so beforehand, and what is reached scatters by one.

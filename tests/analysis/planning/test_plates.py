@@ -28,6 +28,7 @@ from analysis.shot.quantity import Quantity
 from analysis.shot.recording import Plate
 from instrument.bench.mechanics import Bodies
 from tests.analysis.diagnosis.shots import WHITE_M, calm, motions_of
+from tests.analysis.shots import shots_of
 from tests.bench.blind import drawn
 from tests.bench.displacement_noise import Noise, NoiseKind
 
@@ -152,10 +153,10 @@ def test_shots_of_nearly_equal_stated_plates_share_a_plate():
 
 def test_a_model_of_two_plates_predicts_each_shot_on_its_own(five):
     motions, _, found = five
-    model = saved(found.fit_after, ("1", "2", "3", "4", "5"), found)
+    model = saved(found.fit_after, ("a", "b", "c", "d", "e"), found)
     for motion in (motions[0], motions[4]):
-        prediction = evaluate_predictions([motion], ["another"], model)
+        prediction = evaluate_predictions(shots_of([motion]), model)
         assert prediction.error_model.displacement_rms_m < 1.2 * WHITE_M
         assert prediction.error_base.displacement_rms_m > 2 * WHITE_M
-    elsewhere = evaluate_predictions([replace(motions[4], plate=None)], ["not stated"], model)
+    elsewhere = evaluate_predictions(shots_of([replace(motions[4], plate=None)]), model)
     assert elsewhere.error_model.displacement_rms_m > 1e3 * WHITE_M

@@ -241,7 +241,7 @@ def test_the_next_shots_are_planned_from_a_diagnosis(shots, capsys, tmp_path, mo
     states = {"open": PlanningState(plan), "decided": PlanningState(None)}
     parts = {}
     for name, state in states.items():
-        monkeypatch.setattr(replay, "plan_next", lambda motions, diagnosis, *, reach, state=state: state)
+        monkeypatch.setattr(replay, "plan_next", lambda shots, diagnosis, *, reach, state=state: state)
         out = Outputs(str(tmp_path / f"{name}.json"))
         parts[name] = _run(capsys, [tmp_path / "a.csv"], ReplayRequest(plan=""), out)
         parts[name].append(f"next_shots {json.loads((tmp_path / f'{name}.json').read_text())['next_shots']}")
@@ -374,8 +374,8 @@ def test_shots_are_taken_until_the_plan_is_settled(capsys, monkeypatch, tmp_path
     plan = Plan((fast,), (DRAG, VISCOUS), 2.0, {DRAG: 9.0, VISCOUS: 8.1}, {DRAG: 9.0, VISCOUS: 8.1}, 9.0, ())
     asked = []
 
-    def planned(motions, diagnosis, steps, *, left, reach):
-        asked.append((len(motions), len(steps), left, reach))
+    def planned(shots, diagnosis, steps, *, left, reach):
+        asked.append((len(shots), len(steps), left, reach))
         done = tuple(replace(step, reached=7.4) for step in steps)
         return PlanningState(plan if len(steps) < 2 else None, done)
 

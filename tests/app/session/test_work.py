@@ -141,14 +141,14 @@ def test_models_are_saved_loaded_and_tested(bench, tmp_path, monkeypatch):
     work, parts, path = one.workbench, {}, tmp_path / "model.toml"
     fits = []
 
-    def jointly(motions, base, effects, cancelled, vibrations):
-        fits.append((len(motions), base, [effect.name for effect in effects], len(vibrations)))
+    def jointly(shots, base, effects, cancelled):
+        fits.append((len(shots), base, [effect.name for effect in effects]))
         return first.fit
 
     monkeypatch.setattr(model_in_use, "fit_jointly", jointly)
     work.exports.save_model([1, 2], path)
     parts["the fit of the shots alone"] = [*one.said(), *path.read_text().replace(str(tmp_path), "FOLDER").splitlines()]
-    assert fits == [(2, "paper", [], 2)]
+    assert fits == [(2, "paper", [])]
     drag = {f"{DRAG.key}.coefficient_n_s2_per_m2": Quantity(1.9e-3, 1e-4)}
     after = replace(first.fit, effects=(DRAG,), parameters=first.fit.parameters | drag, covariance=np.eye(5))
     work._take_diagnosis((1, 2), replace(synthetic.diagnosis(first), fit_after=after))
@@ -161,7 +161,7 @@ def test_models_are_saved_loaded_and_tested(bench, tmp_path, monkeypatch):
     assert work.session.effects == ModelEffects((DRAG, TILT), (), (TILT,))
     work.exports.save_model([1], path)  # another set than that of the diagnosis: fitted here
     parts["saved of one shot"] = one.said()
-    assert fits[-1] == (1, "paper", ["quadratic_drag", "tilt"], 1)
+    assert fits[-1] == (1, "paper", ["quadratic_drag", "tilt"])
     work.model.remove("paper", TILT)
     one.said()
     work.exports.save_model([1, 2], path)  # that of the diagnosis

@@ -19,7 +19,7 @@ from analysis.uncertainty import diagnosis_band
 from app.report.number_tables import fitted
 from app.report.shot_figures import NOISE, figure
 from app.report.svg_plot import Band, Line, Plot
-from app.words import VERDICTS, Markup, counted, joined, or_dash, prefix_for, table, tag
+from app.words import DASH, VERDICTS, Markup, counted, joined, or_dash, prefix_for, table, tag
 from instrument.files import one_line
 
 ERRORS = (
@@ -155,7 +155,7 @@ def _residuals(diagnosis: Diagnosis, shots: Sequence[Shot]) -> Markup:
 def _candidates(diagnosis: Diagnosis) -> Markup:
     rows = []
     for c in diagnosis.candidates:
-        gain = "\u2013" if c.delta_bic is None else f"{c.delta_bic:.4g}"
+        gain = DASH if c.delta_bic is None else f"{c.delta_bic:.4g}"
         rows.append([c.effect.words, f"{c.score:.4g}", gain, _parameters(c.parameters), remark_on(c)])
     return table(["effect", "score", "ΔBIC", "size", "remark"], rows, "candidates")
 

@@ -19,7 +19,7 @@ from analysis.uncertainty import (
     with_combined_uncertainty,
     with_unit,
 )
-from app.words import Markup, by_severity, flag_words, joined, or_dash, table, tag
+from app.words import DASH, Markup, by_severity, flag_words, joined, or_dash, table, tag
 
 SMALL = 0.02  # contributions below this fraction of the combined uncertainty share one row
 
@@ -93,13 +93,13 @@ def budgets(of: Budget) -> Markup:
 def scaled(reading: Reading, unit: str) -> str:
     """Return a reading as text in the unit in which it is shown; a dash if it was not seen."""
     if not isinstance(reading, Quantity) or not math.isfinite(reading.value):
-        return "\u2013"
+        return DASH
     return str(reading.scaled(display_unit(unit)[0]))
 
 
 def _cells(reading: Reading, entry: QuantityBudget | None, unit: str) -> list[str]:
     if isinstance(reading, NotSeen):
-        return ["\u2013", "", "", "", f"not measured: {reading.reason}"]
+        return [DASH, "", "", "", f"not measured: {reading.reason}"]
     if entry is None:
         return [scaled(reading, unit), "", "", "", reading.how]
     factor, _ = display_unit(unit)
@@ -171,7 +171,7 @@ OWN_SCALES = {"wavelength": (1e9, "nm"), "record_length": (1.0, "s"), "input.ste
 
 def paper_cells(row: PaperRow) -> tuple[str, ...]:
     """Return a row as text: name, paper, as printed, simulated, recomputed, recording, difference with status."""
-    said = row.paper_words or shown_number(row, row.paper) or "–"
+    said = row.paper_words or shown_number(row, row.paper) or DASH
     unit = readable_unit(row)[1].replace("m3", "m³")
     what = f"{row.what} ({unit})" if unit else row.what
     recorded = str(row.recorded.scaled(readable_unit(row)[0])) if isinstance(row.recorded, Quantity) else ""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.shot import Cancelled, Floats, Progress, Recording, Role, Stop
-from app.words import CHANNEL_NAMES
+from instrument.live import CHANNEL_NAMES
 
 BEATS = (Role.REFERENCE, Role.MEASUREMENT)
 BINS = 4096

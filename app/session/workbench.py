@@ -26,6 +26,7 @@ from app.session.session_files import Unlisted, listed_by, lock_session, named_s
 from app.session.settings import correction_words
 from app.session.spool import Spool
 from app.session.verdict_basis import Diagnosed, Diagnoses, diagnose_shots, verdict_of
+from app.words import listed
 from instrument.capture import CapturedShot
 from instrument.files import RecordingError, find_recordings, rewrite_note
 from instrument.process import SubprocessWorker
@@ -247,9 +248,7 @@ class Workbench:
         accepted = self.session.effects.of(shots[0].settings.model)
         seconds = self._settings().diagnosis_seconds  # the present setting, not the one stored with the shots
         judging = partial(diagnose_shots, shots, accepted, laws, seconds)
-        which = ", ".join(str(number) for number in ids[:MAX_NAMED])
-        more = f" and {len(ids) - MAX_NAMED} more" if len(ids) > MAX_NAMED else ""
-        name = f"diagnosis of shot{'s' if len(ids) > 1 else ''} {which}{more}"
+        name = f"diagnosis of shot{'s' if len(ids) > 1 else ''} {listed([*map(str, ids)], MAX_NAMED)}"
         self.submit_long(name, judging, "diagnosis", partial(self._take_diagnosis, ids))
         return None
 
@@ -389,5 +388,4 @@ class Workbench:
 
 def _named(paths: Sequence[Path]) -> str:
     """Return the names of the first three recordings and the number of others."""
-    names = ", ".join(path.name.removesuffix(".sigmf-meta") for path in paths[:3])
-    return names + (f" and {len(paths) - 3} more" if len(paths) > 3 else "")
+    return listed([path.name.removesuffix(".sigmf-meta") for path in paths], 3)

@@ -11,6 +11,7 @@ from app.session import Entry
 from app.window.panels.rig import TileText
 from app.window.theme import MARKS, Tone
 from app.words import (
+    DASH,
     MILD_FLAGS,
     VERDICTS,
     flag_words,
@@ -106,7 +107,7 @@ def _sentences(*parts: str) -> str:
 
 def tile_texts(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> dict[str, TileText]:
     """Return the text of each tile of the signal line."""
-    found = {"pd0": TileText("–", Tone.NEUTRAL), "pd1": TileText("–", Tone.NEUTRAL)}
+    found = {"pd0": TileText(DASH, Tone.NEUTRAL), "pd1": TileText(DASH, Tone.NEUTRAL)}
     moves = abs(doppler_shift_hz(line.channels) or 0.0) > MOVING_HZ
     for channel in line.channels:
         if channel.role is Role.REFERENCE:
@@ -115,7 +116,7 @@ def tile_texts(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> 
             found["pd1"] = _beat(channel, rate_hz, moves)
     found["switch"] = _switch(line)
     # a sweeping beat is spread over the spectrum, so that the noise beside it cannot be measured
-    found["floor"] = TileText("–", Tone.NEUTRAL, AT_REST) if moves else _floor(line, rate_hz, bandwidth_hz)
+    found["floor"] = TileText(DASH, Tone.NEUTRAL, AT_REST) if moves else _floor(line, rate_hz, bandwidth_hz)
     found["disk"] = _disk(line)
     return found
 
@@ -133,7 +134,7 @@ def _beat(channel: ChannelSignal, rate_hz: float | None, moves: bool = False) ->
 
 
 def _switch(line: SignalLine) -> TileText:
-    words = {Level.LOW: "low", Level.HIGH: "high"}.get(line.switch_level, "–")
+    words = {Level.LOW: "low", Level.HIGH: "high"}.get(line.switch_level, DASH)
     if line.switch_toggles:
         return TileText(words, Tone.GOOD, f"Toggled {line.switch_toggles} times")
     return TileText(words, Tone.NEUTRAL, "Has not toggled yet: pass the block through it once")
@@ -160,7 +161,7 @@ def velocity_floor_m_per_s(line: SignalLine, rate_hz: float, bandwidth_hz: float
 def _floor(line: SignalLine, rate_hz: float | None, bandwidth_hz: float) -> TileText:
     floor = velocity_floor_m_per_s(line, rate_hz, bandwidth_hz) if rate_hz else None
     if floor is None:
-        return TileText("–", Tone.NEUTRAL)
+        return TileText(DASH, Tone.NEUTRAL)
     words = f"{number(1e6 * floor, 2)} µm/s at {number(1e-3 * bandwidth_hz, 3)} kHz"
     return TileText(words, Tone.NEUTRAL, "Standard deviation of velocity due to the noise of both beats")
 
@@ -169,7 +170,7 @@ def _disk(line: SignalLine) -> TileText:
     if line.folder_problem:
         return TileText("cannot save", Tone.BAD, line.folder_problem)
     if line.disk_free_bytes is None:
-        return TileText("–", Tone.NEUTRAL)
+        return TileText(DASH, Tone.NEUTRAL)
     tone = Tone.GOOD if line.disk_free_bytes > FULL_DISK_BYTES else Tone.BAD
     hover = "Room on the disk of the folder" if tone is Tone.GOOD else "Nearly full: choose another folder (F2)"
     return TileText(f"{size_words(line.disk_free_bytes)} free", tone, hover)

@@ -1,11 +1,12 @@
 from .flags import MILD_FLAGS, by_severity, flag_name, flag_words, flags_in_short
 from .markup import EscapingStream, Markup, cell, joined, lines, table, tag
 from .model_texts import (
-    CHANNEL_NAMES,
+    DASH,
     OUTDATED,
     VERDICTS,
     base_words,
     counted,
+    listed,
     model_in_words,
     or_dash,
     prefix_for,
@@ -14,7 +15,6 @@ from .model_texts import (
 )
 from .wording import (
     COMBINED,
-    DASH,
     NOISE_ONLY,
     cached_words,
     concise_text,
@@ -33,7 +33,6 @@ from .wording import (
 )
 
 __all__ = [
-    "CHANNEL_NAMES",
     "COMBINED",
     "DASH",
     "MILD_FLAGS",
@@ -55,6 +54,7 @@ __all__ = [
     "flags_in_short",
     "joined",
     "lines",
+    "listed",
     "localised_number",
     "localised_text",
     "model_in_words",

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from analysis.collision import Effect
 from analysis.diagnosis import Verdict
 from analysis.shot import Role
-from levimass import base_model
+from levimass import BASE_MODELS, base_model
 
 if TYPE_CHECKING:
     from analysis.drive import Repeatability
 
+DASH = "–"
 PREFIXES = ((1e-12, "p"), (1e-9, "n"), (1e-6, "µ"), (1e-3, "m"), (1.0, ""), (1e3, "k"), (1e6, "M"))
-CHANNEL_NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 
 
 def base_words(base: str) -> str:
@@ -39,7 +39,7 @@ def repeatability_words(of: "Repeatability") -> str:
 
 def or_dash(value: float, form: str) -> str:
     """Return a number in a format such as ".2f", or a dash if it is not finite."""
-    return f"{value:{form}}" if math.isfinite(value) else "\u2013"
+    return f"{value:{form}}" if math.isfinite(value) else DASH
 
 
 def prefix_for(size: float, unit: str) -> tuple[float, str]:
@@ -94,3 +94,9 @@ def verdict_words(conclusion: Verdict, found: Sequence[Effect], *, short: bool =
 def counted(count: int, what: str) -> str:
     """Return a count with its noun, like "1 shot" or "2 shots"."""
     return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def listed(names: Sequence[str], most: int) -> str:
+    """Return the first ``most`` names and the number of others, like "a, b and 3 more"."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

@@ -9,9 +9,8 @@ from PySide6.QtCore import QLocale
 from analysis.collision import Effect, UserLaw
 from analysis.shot import NotSeen, Quantity, Reading, split_unit
 from app.words.markup import Markup, lines, tag
-from app.words.model_texts import prefix_for
+from app.words.model_texts import DASH, prefix_for
 
-DASH = "–"
 COMBINED = "± is the combined standard uncertainty, from all sources in the budget."
 NOISE_ONLY = "± is the standard uncertainty from this shot's noise alone."
 LONGEST_NAME = 24  # most characters of a shot's name in a list of names

@@ -1,9 +1,10 @@
 from .live_thread import LiveThread, warm
 from .live_view import ChannelSignal, LiveView, empty_view
 from .ring import DeliveredRate, Overwritten, Ring, Stream
-from .setup_check import MOVING_HZ, doppler_shift_hz, judge, judge_beat, judge_site, try_signals
+from .setup_check import CHANNEL_NAMES, MOVING_HZ, doppler_shift_hz, judge, judge_beat, judge_site, try_signals
 
 __all__ = [
+    "CHANNEL_NAMES",
     "MOVING_HZ",
     "ChannelSignal",
     "DeliveredRate",

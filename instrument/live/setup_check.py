@@ -17,7 +17,7 @@ from instrument.live.live_view import ChannelSignal
 from instrument.process import SIMULATED_ANSWER_S
 from instrument.trigger import LightSwitch, TriggerSettings
 
-NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
+CHANNEL_NAMES = {Role.REFERENCE: "PD0", Role.MEASUREMENT: "PD1", Role.SWITCH: "light switch"}
 WEAK_SNR_DB = 15.0  # below, phase noise makes single cycles slip
 SMALL_SHARE = 0.05  # of the range: below, the converter's steps dominate the noise
 CLIPPED_SHARE = 0.01
@@ -52,7 +52,7 @@ def judge_site(floor: SiteFloor) -> Check:
 
 def judge_beat(signal: ChannelSignal, sample_rate_hz: float) -> Check:
     """Judge one beat at rest."""
-    name = NAMES[signal.role]
+    name = CHANNEL_NAMES[signal.role]
     if signal.frequency_hz is None or signal.snr_db is None:
         return Check(name, Grade.FAIL, "no beat above the noise: check laser, alignment and cable")
     share = signal.amplitude_v / signal.range_v
@@ -78,7 +78,7 @@ def judge_beat(signal: ChannelSignal, sample_rate_hz: float) -> Check:
 
 
 def _switch(signal: ChannelSignal, toggles: int) -> Check:
-    name = NAMES[signal.role]
+    name = CHANNEL_NAMES[signal.role]
     level = f"at {signal.amplitude_v:.2f} V"
     if not toggles:
         return Check(name, Grade.WARN, f"{level}, has not toggled yet: pass the block through it by hand")

@@ -9,7 +9,7 @@ from analysis.shot.recording import Channel, Recording, Role, Setup
 from analysis.shot.shot import Cancelled
 from app.session.spectra import BINS, spectra_of
 from app.window.panels.spectrum import SpectrumPanel
-from app.words.model_texts import CHANNEL_NAMES
+from instrument.live.setup_check import CHANNEL_NAMES
 
 RATE_HZ, ROWS, ZERO_S = 1e6, 64, 0.1
 CHANNELS = (Channel(Role.MEASUREMENT, 1e-4), Channel(Role.REFERENCE, 1e-4))

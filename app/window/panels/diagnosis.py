@@ -24,7 +24,8 @@ from app.window.widgets import (
     text_label,
     vertical,
 )
-from app.words import OUTDATED, VERDICTS, cached_words, localised_text, short_name, tag
+from app.words import OUTDATED, VERDICTS, cached_words, listed, localised_text, short_name, tag
+from levimass import is_drive
 
 MAX_NAMED = 5  # most shots named
 MIN_SIDE_BY_SIDE_WIDTH = 78  # least width, in letters M, for candidates and residuals side by side
@@ -222,11 +223,10 @@ class DiagnosisPanel(QWidget):
     def _name_shots(self) -> None:
         """Show the names of the diagnosed shots and of the running diagnosis."""
         shots = self._shots
-        names = ", ".join(short_name(shot.name) for shot in shots[:MAX_NAMED])
-        more = f" and {len(shots) - MAX_NAMED} more" if len(shots) > MAX_NAMED else ""
+        names = listed([short_name(shot.name) for shot in shots], MAX_NAMED)
         kept = f"   ({cached_words(self._version)})" if self._version else ""
         old = "" if self._holds else f"   {OUTDATED}"
-        about = f"of {names}{more}{kept}{old}" if self._diagnosis is not None and shots else ""
+        about = f"of {names}{kept}{old}" if self._diagnosis is not None and shots else ""
         running = f"running: {self._running}" if self._running else ""
         self._of.setText("   ".join(part for part in (about, running) if part))
 

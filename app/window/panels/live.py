@@ -18,8 +18,8 @@ from app.window.plots.plain_plot import LogPlot
 from app.window.plots.time_plot import TimeStack
 from app.window.theme import Colours, Themed
 from app.window.widgets import added, horizontal, push_button, scrolled, text_label, vertical
-from app.words import CHANNEL_NAMES, DASH, localised_number, localised_text, number, with_prefix
-from instrument.live import LiveView
+from app.words import DASH, localised_number, localised_text, number, with_prefix
+from instrument.live import CHANNEL_NAMES, LiveView
 
 FREQUENCY = CursorAxis("Hz", "Hz", logarithmic=True)
 UM_PER_S = 1e6

@@ -23,6 +23,7 @@ from app.window.widgets import (
 )
 from app.words import (
     COMBINED,
+    DASH,
     NOISE_ONLY,
     by_severity,
     cached_words,
@@ -133,7 +134,7 @@ class NumbersPanel(Themed, QScrollArea):
     def _add_row(self, grid: QGridLayout, row: ResultNumber, inner: QWidget) -> list[QWidget]:
         name = QLabel(row.name, inner)
         name.setProperty("quantity", True)
-        value = text_label("–", inner, selectable=True, bold=True, size=1.4 if row.headline else 1.06)
+        value = text_label(DASH, inner, selectable=True, bold=True, size=1.4 if row.headline else 1.06)
         unit = text_label(row.shown_unit, inner, faint=True)
         name.setMinimumWidth(name.fontMetrics().horizontalAdvance("kinetic, flights") + 16)  # 16: room for a mark
         value.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)

@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QWidget
 
 from app.window.theme import MARKS, Colours, Themed, Tone, sized
 from app.window.widgets import added, combo_box, elided_label, fill_box, horizontal, push_button, set_tone, text_label
-from app.words import counted
+from app.words import DASH, counted
 
 
 class Controls(QWidget):
@@ -186,7 +186,7 @@ class SignalLine(QFrame):
         self.values: dict[str, QLabel] = {}
         for name, title, widest in TILES:
             mark, heading = text_label("", self, bold=True), text_label(title, self, faint=True)
-            value = text_label("–", self, selectable=True)
+            value = text_label(DASH, self, selectable=True)
             mark.setFixedWidth(self.fontMetrics().horizontalAdvance("✓M"))
             mark.setAlignment(Qt.AlignmentFlag.AlignCenter)
             value.setMinimumWidth(self.fontMetrics().horizontalAdvance(widest) + 4)
@@ -198,7 +198,7 @@ class SignalLine(QFrame):
         middle, least = Qt.TextElideMode.ElideMiddle, "saving to /home …/data"
         self._folder = added(row, elided_label("", self, middle, least=least, faint=True, selectable=True), 1)
         for name, _, _ in TILES:
-            self.show_tile(name, TileText("–", Tone.NEUTRAL))
+            self.show_tile(name, TileText(DASH, Tone.NEUTRAL))
 
     def show_tile(self, name: str, sign: TileText) -> None:
         """Show the text of a tile; an unchanged tile is not updated."""

@@ -25,7 +25,7 @@ from instrument.devices import Check, FoundDevice, Grade
 
 BENCH = FoundDevice("bench", "Simulated bench", "no device needed")
 MAX_CHECKS = 6
-TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat", "light switch": "Light switch", "site": "Site"}
+TITLES = {"PD0": "PD0, rest beat", "PD1": "PD1, moving beat"}
 
 
 class SetupSheet(Sheet):

@@ -16,7 +16,7 @@ from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_plot import TimeStack
 from app.window.widgets import text_label
-from app.words import number, repeatability_words
+from app.words import DASH, number, repeatability_words
 
 NOTHING: Floats = np.empty(0)
 
@@ -81,7 +81,7 @@ class DriveView:
         self.speed.show_force(curves.velocity_m_per_s, curves.measured_n, curves.modelled_n, half)
         self.place.show_force(1e3 * curves.displacement_m, curves.measured_n, curves.modelled_n, half)
         rms = float(np.sqrt(np.nanmean(curves.residual_n**2)))
-        times = number(rms / curves.repeatability.force_n, 2) if curves.repeatability.force_n > 0.0 else "–"
+        times = number(rms / curves.repeatability.force_n, 2) if curves.repeatability.force_n > 0.0 else DASH
         against = repeatability_words(curves.repeatability)
         self.say.setText(
             f"residual {number(rms, 3)} N rms, {times} times {against} "

@@ -10,7 +10,8 @@ from app.window.plots.curve import Pyramid
 from app.window.plots.lines import MEASURED
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.time_plot import TimeStack
-from app.words import CHANNEL_NAMES, number
+from app.words import number
+from instrument.live import CHANNEL_NAMES
 
 
 @dataclass(frozen=True, slots=True, eq=False)

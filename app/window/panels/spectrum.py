@@ -14,7 +14,7 @@ from app.window.plots.lines import MEASURED, LineStyle
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.widgets import added, text_label, vertical
-from app.words import CHANNEL_NAMES
+from instrument.live import CHANNEL_NAMES
 
 FREQUENCY = CursorAxis("MHz", "MHz")
 LOOKS = {Role.REFERENCE: LineStyle("residual", width=3), Role.MEASUREMENT: MEASURED}

@@ -274,12 +274,12 @@ def test_a_diagnosis_names_its_shots_from_the_first_second(qtbot):
 def test_candidates_are_fitted_while_nothing_else_is_to_be_done(told, shots, monkeypatch):
     asked, go = [], threading.Event()
 
-    def fitted(motions, base, effects, vibrations, *, progress, cancelled):
+    def fitted(shots, base, effects, *, progress, cancelled):
         asked.append(effects[-1])
         while not go.wait(0.01):
             if cancelled():
                 raise candidate_residuals.AnalysisError("given up")
-        return CandidateResidual(effects[-1], (np.zeros(3),) * len(motions), 1.0)
+        return CandidateResidual(effects[-1], (np.zeros(3),) * len(shots), 1.0)
 
     monkeypatch.setattr(candidate_residuals, "candidate_residual", fitted)
     work = JobQueues(None)

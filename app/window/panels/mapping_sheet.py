@@ -1,15 +1,18 @@
 """The sheet on which the operator assigns the channels of a foreign file."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from PySide6.QtCore import Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWidget
 
 from analysis.shot import Role, Setup
-from app.session import ChannelKind, ChannelSummary, proposed_roles
+from analysis.uncertainty import with_unit
+from app.session import FIELDS, ChannelKind, ChannelSummary, proposed_roles
+from app.window.panels.settings_sheet import as_typed, stored_value
 from app.window.theme import Tone
 from app.window.widgets import Sheet, added, combo_box, fill_box, line_edit, push_button, show_toned, text_label
-from app.words import Markup, joined, lines, localised_number, number, tag, typed_number
+from app.words import Markup, joined, lines, number, tag
 from instrument.files import (
     LENGTHS_M,
     TABLE,
@@ -21,6 +24,7 @@ from instrument.files import (
     MotionColumns,
     length_unit,
 )
+from levimass import Setting
 
 ROLES = {  # role -> (label, tooltip)
     Role.MEASUREMENT: (
@@ -39,15 +43,19 @@ ROLES = {  # role -> (label, tooltip)
 NONE = "not in this file"
 UNIT_ITEMS = [(unit.replace("u", "µ"), unit) for unit in LENGTHS_M]
 MODEL_ITEMS = [(f"{model.name}: {model.bodies}", model.in_record) for model in reversed(WITHOUT_FORCE)]
-NUMBERS = {  # key -> (label, factor to SI units, tooltip, placeholder)
-    "mass_kg": ("Moving mass (g)", 1e-3, "Block with corner cube and extension; force and impulse scale with it", ""),
-    "rest_hz": (
-        "Rest frequency (MHz)", 1e6, "The beat of the block at rest, at which the velocity is zero", "only without PD0"
-    ),
+_DECLARED = {setting.key: setting for setting in FIELDS}
+_REST_HOVER = "The beat of the block at rest, at which the velocity is zero"
+_RATE_HOVER = "Samples per second; every time and velocity scales with it"
+_BITS_HOVER = "Resolution of the digitizer, for the quantisation noise"
+NUMBERS = {  # key -> (declaration, placeholder)
+    "mass_kg": (replace(_DECLARED["moving_mass_kg"], optional=True), ""),
+    "rest_hz": (replace(_DECLARED["rest_frequency_hz"], hover=_REST_HOVER), "only without PD0"),
     "rate_hz": (
-        "Sample rate (MS/s)", 1e6, "Samples per second; every time and velocity scales with it", "as the file says"
+        replace(_DECLARED["sample_rate_hz"], low=1e-3, hover=_RATE_HOVER, optional=True), "as the file says"
     ),
-    "bits": ("Bits of the digitizer", 1.0, "Resolution of the digitizer, for the quantisation noise", ""),
+    "bits": (
+        Setting("", "Bits of the digitizer", "number", low=1.0, high=16.0, hover=_BITS_HOVER, optional=True), ""
+    ),
 }  # fmt: skip
 
 
@@ -87,8 +95,9 @@ class MappingSheet(Sheet):
         self.model = self._box(form, "Base model", "Model of what the block hits")
         fill_box(self.model, MODEL_ITEMS)
         self.edits: dict[str, QLineEdit] = {}
-        for key, (words, _, hover, shown) in NUMBERS.items():
-            self.edits[key] = edit = line_edit(words, hover, self, shown)
+        for key, (setting, shown) in NUMBERS.items():
+            words = with_unit(setting.words, setting.unit)
+            self.edits[key] = edit = line_edit(words, setting.hover, self, shown)
             edit.returnPressed.connect(self.apply)
             form.addRow(words, edit)
         column.addLayout(form)
@@ -132,10 +141,8 @@ class MappingSheet(Sheet):
         self._offer_roles(contents, proposal)
         length = self._offer_displacement(contents, bool(proposal))
         self._chosen()
-        self.edits["mass_kg"].setText(localised_number(f"{1e3 * mass_kg:.10g}"))
-        self.edits["rest_hz"].setText("" if rest_hz is None else localised_number(f"{1e-6 * rest_hz:.10g}"))
-        self.edits["rate_hz"].setText("")
-        self.edits["bits"].setText("16")
+        for key, value in (("mass_kg", mass_kg), ("rest_hz", rest_hz), ("rate_hz", None), ("bits", 16)):
+            self.edits[key].setText(as_typed(NUMBERS[key][0], value))
         self.open_at(self.unit if length is not None else self.boxes[Role.MEASUREMENT])
 
     def _offer_roles(self, contents: ForeignContents, proposal: Mapping[Role, str]) -> None:
@@ -186,23 +193,15 @@ class MappingSheet(Sheet):
             raise ValueError("the moving mass is missing")
         if Role.REFERENCE not in chosen and rest is None:
             raise ValueError("without PD0 the rest frequency is needed")
-        if bits is not None and not 1 <= bits <= 16:
-            raise ValueError("bits: not from 1 to 16")
         setup = Setup(mass, rest_frequency_hz=rest, digitizer_bits=round(bits or 16))
         return ForeignMapping(
             contents.format, tuple(MappedChannel(role, str(name)) for role, name in chosen.items()), setup, rate
         )
 
     def _number(self, key: str) -> float | None:
-        words, scale, *_ = NUMBERS[key]
-        text = self.edits[key].text().strip()
-        if not text:
-            return None
-        name = words.partition(" (")[0]
+        setting, _ = NUMBERS[key]
         try:
-            value = typed_number(text)
+            value = stored_value(setting, self.edits[key].text())
         except ValueError as error:
-            raise ValueError(f"{name}: {error}") from None
-        if not 0.0 < value < 1e9:
-            raise ValueError(f"{name}: {text} is not a number above zero")
-        return value * scale
+            raise ValueError(f"{setting.words}: {error}") from None
+        return float(value) if value is not None else None

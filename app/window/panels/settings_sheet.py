@@ -3,6 +3,7 @@
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScrollArea, QSizePolicy, QWidget
 
+from analysis.uncertainty import with_unit
 from app.window.file_dialog import PathKind, ask
 from app.window.theme import Tone
 from app.window.widgets import Sheet, added, fill_box, horizontal, push_button, show_toned, text_label
@@ -47,7 +48,7 @@ class SettingsSheet(Sheet):
                 form.addRow(text_label(group.upper(), inner, heading=True))
             editor = self._editor(field, inner)
             editor.setToolTip(field.hover)
-            label = f"{field.words} ({field.unit})" if field.unit else field.words
+            label = with_unit(field.words, field.unit)
             editor.setAccessibleName(label)
             self._editors[field.key] = editor
             if field.kind == "flag":
@@ -97,7 +98,7 @@ class SettingsSheet(Sheet):
             elif isinstance(editor, QCheckBox):
                 editor.setChecked(bool(value))
             elif isinstance(editor, QLineEdit):
-                editor.setText(_as_typed(field, value))
+                editor.setText(as_typed(field, value))
 
     @Slot()
     def apply(self) -> None:
@@ -111,7 +112,7 @@ class SettingsSheet(Sheet):
                 values[field.key] = editor.isChecked()
             elif isinstance(editor, QLineEdit):
                 try:
-                    values[field.key] = _stored(field, editor.text())
+                    values[field.key] = stored_value(field, editor.text())
                 except ValueError as error:
                     self.refuse(f"{field.words}: {error}")
                     editor.setFocus()
@@ -127,7 +128,7 @@ class SettingsSheet(Sheet):
         self.open_at(next(iter(self._editors.values()), None))
 
 
-def _as_typed(field: Setting, value: Value) -> str:
+def as_typed(field: Setting, value: Value) -> str:
     """Return a stored value as the text of its field."""
     if value is None:
         return ""
@@ -136,7 +137,7 @@ def _as_typed(field: Setting, value: Value) -> str:
     return "  ".join(localised_number(f"{float(number) * field.scale:.10g}") for number in str(value).split())
 
 
-def _stored(field: Setting, text: str) -> Value:
+def stored_value(field: Setting, text: str) -> Value:
     """Return the text of a field as the value to store.  Raises ValueError."""
     if field.kind not in NUMERIC:
         return text.strip()

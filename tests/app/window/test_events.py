@@ -376,7 +376,7 @@ def test_the_set_up_looks_for_devices_judges_and_arms(window, calls, monkeypatch
 def test_before_a_source_is_open_the_set_up_says_what_it_waits_for(window, monkeypatch):
     setup = window.setup_presenter
     assert setup._verdicts(quiet(signal=replace(quiet().signal, channels=())))[1].startswith("No samples yet.")
-    monkeypatch.setattr(type(window.rig), "channels", property(lambda _: ()))
+    monkeypatch.setattr(type(window.rig), "rate_hz", property(lambda _: None))
     assert setup._verdicts(quiet()) == ((), "opening the source …")
     assert setup._verdicts(quiet(message="no device")) == ((), "no device")
 

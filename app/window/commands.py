@@ -93,6 +93,13 @@ COMMANDS: tuple[Command, ...] = (
     Command("Help", "About, versions, licences", "toggle:about"),
 )
 
+
+def with_keys(hover: str, action: str) -> str:
+    """Return a tooltip followed by the keys of a command, like "Undo the last note  (Ctrl+Z)"."""
+    keys = next(command.keys for command in COMMANDS if command.action == action)
+    return f"{hover}  ({' or '.join(keys)})"
+
+
 ON_PLOT = (
     ("Left, Right", "move along the axis"),
     ("Up, Down", "zoom in, out"),

@@ -301,7 +301,7 @@ def test_at_most_two_points_a_pixel_are_drawn(shot_panel):
 
 def test_every_view_has_a_button_that_shows_it(shot_panel, qtbot):
     buttons = {button.text(): button for button in shot_panel.findChildren(QPushButton)}
-    for view, words, _, _ in (*VIEWS[1:], VIEWS[0]):
+    for view, (words, _) in reversed(VIEWS.items()):
         qtbot.mouseClick(buttons[words], Qt.MouseButton.LeftButton)
         assert shot_panel.view == view and buttons[words].isChecked()
 

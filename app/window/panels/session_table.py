@@ -20,6 +20,7 @@ from PySide6.QtWidgets import (
 )
 
 from app.session import Entry, Session
+from app.window.commands import with_keys
 from app.window.panels.session_model import FLAGS, GROUPS, NOTE, VERDICT, SessionModel, TableOrder
 from app.window.widgets import added, combo_box, line_edit, push_button, text_label, vertical
 
@@ -32,13 +33,13 @@ class _ElideRight(QStyledItemDelegate):
         option.textElideMode = Qt.TextElideMode.ElideRight  # type: ignore[attr-defined]
 
 
-BUTTONS = {
-    "open": ("Open …", "Open recordings; or drop them on the window  (Ctrl+O)"),
-    "export": ("Export …", "CSV of the selected shots, or of all: a motion file each, and shots.csv  (Ctrl+E)"),
-    "report": ("Report …", "A printable HTML report on the selected shots, or on all  (Ctrl+T)"),
-    "reanalyse": ("Re-analyse", "Analyse the selected shots again, as copies, with the present settings  (Ctrl+R)"),
-    "remove": ("Remove", "Remove the selected shots from the list; recordings stay on disk  (Del)"),
-    "undo": ("Undo", "Undo the last note, removal or change of the model  (Ctrl+Z)"),
+BUTTONS = {  # action of the command -> (label, tooltip)
+    "open_recordings": ("Open …", "Open recordings; or drop them on the window"),
+    "export_selected": ("Export …", "CSV of the selected shots, or of all: a motion file each, and shots.csv"),
+    "report_selected": ("Report …", "A printable HTML report on the selected shots, or on all"),
+    "reanalyse_selected": ("Re-analyse", "Analyse the selected shots again, as copies, with the present settings"),
+    "remove_selected": ("Remove", "Remove the selected shots from the list; recordings stay on disk"),
+    "undo": ("Undo", "Undo the last note, removal or change of the model"),
 }
 
 
@@ -58,7 +59,9 @@ class SessionTable(QFrame):
         self._can_undo = False
         self._numbers: list[int] = []
         self.hidden: list[int] = []  # selected shots hidden by the filter
-        self.buttons = {name: push_button(words, hover, self) for name, (words, hover) in BUTTONS.items()}
+        self.buttons = {
+            action: push_button(words, with_keys(hover, action), self) for action, (words, hover) in BUTTONS.items()
+        }
         for button in self.buttons.values():
             bar.addWidget(button)
         self._add_order(bar)
@@ -253,9 +256,10 @@ class SessionTable(QFrame):
 
     def _enable(self) -> None:
         some, any_selected = bool(self.model.entries), bool(self.numbers)
-        can = {"export": some, "report": some, "reanalyse": any_selected, "remove": any_selected}
-        for name, on in (*can.items(), ("undo", self._can_undo)):
-            self.buttons[name].setEnabled(on)
+        can = {"export_selected": some, "report_selected": some, "undo": self._can_undo}
+        can |= dict.fromkeys(("reanalyse_selected", "remove_selected"), any_selected)
+        for action, on in can.items():
+            self.buttons[action].setEnabled(on)
 
     @Slot()
     def _changed(self) -> None:

@@ -8,6 +8,7 @@ from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves
 from analysis.shot import Recording, Shot
 from app.report import time_zero
+from app.window.commands import with_keys
 from app.window.panels.shot_drive import DriveView
 from app.window.panels.shot_motion import SLOPE, DeflectionView, GapView, MotionView
 from app.window.panels.shot_raw import RawCurves, RawView
@@ -18,18 +19,15 @@ from app.window.plots.plot_view import PlotView
 from app.window.widgets import FlowLayout, keep_place, push_button, text_label, vertical
 from app.words import lines, tag
 
-VIEWS = (
-    ("whole", "Whole shot", "1", "Velocity, force and residual of the whole shot"),
-    ("contact", "First contact", "2", "The bounces at first contact (the paper's Fig. 5)"),
-    (
-        "deflection",
-        "Force vs deflection",
-        "3",
-        "Force against deflection of the plate (Fig. 6); its slope is the stiffness",
+VIEWS = {  # name -> (label, tooltip)
+    "whole": ("Whole shot", "Velocity, force and residual of the whole shot"),
+    "contact": ("First contact", "The bounces at first contact (the paper's Fig. 5)"),
+    "deflection": (
+        "Force vs deflection", "Force against deflection of the plate (Fig. 6); its slope is the stiffness"
     ),
-    ("gap", "Gap", "4", "Distance between block and plate (Fig. 7); below zero the two overlap"),
-    ("raw", "Raw signals", "5", "Photodiode and light-switch signals, every sample"),
-)
+    "gap": ("Gap", "Distance between block and plate (Fig. 7); below zero the two overlap"),
+    "raw": ("Raw signals", "Photodiode and light-switch signals, every sample"),
+}  # fmt: skip
 DRIVE_VIEWS = {  # the views of a drive, with the same keys
     "whole": ("Over time", "Velocity, force and residual over the whole record"),
     "contact": ("Force vs speed", "Measured and modelled force against speed, and the residual"),
@@ -86,8 +84,8 @@ class ShotPanel(QWidget):
         bar = FlowLayout()
         self._group = QButtonGroup(self)
         self._buttons: dict[str, QPushButton] = {}
-        for name, words, key, tip in VIEWS:
-            button = push_button(words, f"{tip}  ({key})", self, self._view_pressed, name, checkable=True)
+        for name in VIEWS:
+            button = push_button("", "", self, self._view_pressed, name, checkable=True)
             self._group.addButton(button)
             self._buttons[name] = button
             bar.addWidget(button)
@@ -232,11 +230,10 @@ class ShotPanel(QWidget):
 
     def _name_views(self) -> None:
         """Set the labels of the buttons for a collision or a drive."""
-        for name, words, key, tip in VIEWS:
-            button = self._buttons[name]
-            words, tip = DRIVE_VIEWS.get(name, (words, tip)) if self._driven else (words, tip)
+        for name, button in self._buttons.items():
+            words, hover = (VIEWS | DRIVE_VIEWS if self._driven else VIEWS)[name]
             button.setText(words)
-            button.setToolTip(f"{tip}  ({key})")
+            button.setToolTip(with_keys(hover, f"show_view:{name}"))
             button.setVisible(not self._driven or name in DRIVE_VIEWS)
         keep_place(self.motion.kind, not self._driven)  # so that all views' plots start at the same height
 

@@ -51,15 +51,8 @@ class SessionPresenter(QObject):
         self._choose_next = False  # whether to select the next opened shot
         self._store = store
         self._dialogs = FileDialogs(panels, lambda: store.start_folder)
-        for name, slot in (
-            ("open", self.open_recordings),
-            ("export", self.export_selected),
-            ("report", self.report_selected),
-            ("reanalyse", self.reanalyse_selected),
-            ("remove", self.remove_selected),
-            ("undo", self.undo),
-        ):
-            panels.table.buttons[name].clicked.connect(slot)
+        for action, button in panels.table.buttons.items():
+            button.clicked.connect(getattr(self, action))
         panels.table.note_edited.connect(self._note_edited)
         panels.work.cancel.clicked.connect(self._cancel_work)
 

@@ -162,7 +162,7 @@ def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:
     rows: list[list[str]] = []
     for shot in shots:
         if shot.impact is not None:
-            rows += budget_rows(budget(shot, others=[other for other in shots if other is not shot]))
+            rows += budget_rows(budget(shot, others=shots))
     return rows
 
 
@@ -246,7 +246,7 @@ def export_hdf5(shots: Sequence[Shot], folder: Path) -> list[Path]:
         if shot.motion is None:
             continue
         path = folder / Path(name).with_suffix(".h5").name
-        write_atomic(path, (_bytes(shot, [other for other in shots if other is not shot], path),), sync=True)
+        write_atomic(path, (_bytes(shot, shots, path),), sync=True)
         written.append(path)
     return written
 

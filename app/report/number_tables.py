@@ -173,7 +173,6 @@ def paper_cells(row: PaperRow) -> tuple[str, ...]:
     """Return a row as text: name, paper, as printed, simulated, recomputed, recording, difference with status."""
     said = row.paper_words or shown_number(row, row.paper) or DASH
     unit = readable_unit(row)[1].replace("m3", "m³")
-    what = f"{row.what} ({unit})" if unit else row.what
     recorded = str(row.recorded.scaled(readable_unit(row)[0])) if isinstance(row.recorded, Quantity) else ""
     if row.status in (Status.INPUT, Status.ADDED):
         difference = row.status.value
@@ -182,7 +181,7 @@ def paper_cells(row: PaperRow) -> tuple[str, ...]:
         change = before if row.error_before == row.error_after else f"{before} → {after or '–'}"
         difference = f"{change} {row.status.value}"
     numbers = (shown_number(row, value) for value in (row.printed, row.simulated, row.recomputed))
-    return what, said, *numbers, recorded, difference
+    return with_unit(row.what, unit), said, *numbers, recorded, difference
 
 
 def shown_number(row: PaperRow, value: float | None, *, relative: bool = False) -> str:

@@ -59,8 +59,7 @@ def report_of(
         said = f"Figures and budgets of single shots are left out beyond {MAX_DRAWN} shots; a report of one has them."
         body.append(tag("p", said, class_="warning"))
     for number, shot in enumerate(shots, 1):
-        others = [other for other in shots if other is not shot]
-        body.append(_shot(shot, others, number, drawn, tried, single=len(shots) == 1))
+        body.append(_shot(shot, shots, number, drawn, tried, single=len(shots) == 1))
     body.append(_program())
     return "<!DOCTYPE html>\n" + tag("html", head, tag("body", body), lang="en") + "\n"
 

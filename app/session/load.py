@@ -18,6 +18,7 @@ from instrument.files import (
     open_recording,
     open_without_hash,
     read_motion,
+    recording_stem,
 )
 
 
@@ -103,9 +104,8 @@ def _with_model(
 
 def unanalysed(path: Path | None, settings: AnalysisSettings, problem: str, name: str = "") -> Shot:
     """Return a shot without analysis, with the reason as ``problem``; ``path`` is None if it was never saved."""
-    stem = path.name.removesuffix(".sigmf-meta").removesuffix(".sigmf-data") if path is not None else ""
     return Shot(
-        name=name or stem,
+        name=name or (recording_stem(path).name if path is not None else ""),
         path=None if path is None else str(path),
         settings=settings,
         setup=None,

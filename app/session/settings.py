@@ -97,7 +97,7 @@ class Settings(AnalysisChoices):
         "g", 1e3, 1e-4, 100.0,
         "Masses that can be added to the block; a planned shot uses one or none. Empty: none",
         optional=True))
-    run_up_m: float = number(12e-3, NEXT, "Run-up", "mm", 1e3, 1e-4, 10.0,
+    run_up_m: float = number(Reach().run_up_m, NEXT, "Run-up", "mm", 1e3, 1e-4, 10.0,
         "Length of free flight before the plate that can be recorded")
     source: str = "bench"
     network: str = ""  # addresses of oscilloscopes, newest first, separated by blanks

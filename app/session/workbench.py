@@ -28,7 +28,7 @@ from app.session.spool import Spool
 from app.session.verdict_basis import Diagnosed, Diagnoses, diagnose_shots, verdict_of
 from app.words import listed
 from instrument.capture import CapturedShot
-from instrument.files import RecordingError, find_recordings, rewrite_note
+from instrument.files import RecordingError, find_recordings, recording_stem, rewrite_note
 from instrument.process import SubprocessWorker
 
 MAX_NAMED = 6  # most shots listed in the name of a running diagnosis
@@ -388,4 +388,4 @@ class Workbench:
 
 def _named(paths: Sequence[Path]) -> str:
     """Return the names of the first three recordings and the number of others."""
-    return listed([path.name.removesuffix(".sigmf-meta") for path in paths], 3)
+    return listed([recording_stem(path).name for path in paths], 3)

@@ -154,9 +154,9 @@ def test_what_all_shots_share_is_the_median_of_their_type_b() -> None:
 
 def test_figures_count_from_first_touch_else_from_the_trigger_else_from_the_start() -> None:
     whole = shot()
-    assert time_zero(whole) == (TOUCH_S, "time from first touch (ms)")
-    assert time_zero(replace(whole, impact=None, trigger_time_s=0.02)) == (0.02, "time from the light switch (ms)")
-    assert time_zero(replace(whole, impact=None, trigger_time_s=None)) == (0.0, "time from the first sample (ms)")
+    assert time_zero(whole) == (TOUCH_S, "time from first touch")
+    assert time_zero(replace(whole, impact=None, trigger_time_s=0.02)) == (0.02, "time from the light switch")
+    assert time_zero(replace(whole, impact=None, trigger_time_s=None)) == (0.0, "time from the first sample")
     assert grid_ms(whole) == pytest.approx((-1e3 * TOUCH_S, 0.01))
     peaks = 2.4 * 2.6767
     assert contact_span_ms(whole) == pytest.approx((-0.12 * peaks, peaks))

@@ -7,8 +7,8 @@ from typing import Any
 from analysis.collision import Effect, without_nuisances
 from analysis.diagnosis import Diagnosis, Verdict, effect_in_file
 from analysis.shot import Shot
-from levimass import base_model, is_drive
 from app.words import verdict_words
+from levimass import base_model
 
 
 @dataclass(frozen=True, slots=True)

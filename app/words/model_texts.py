@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from analysis.collision import Effect
 from analysis.diagnosis import Verdict
-from analysis.shot import Role
-from levimass import BASE_MODELS, base_model
+from levimass import base_model
 
 if TYPE_CHECKING:
     from analysis.drive import Repeatability

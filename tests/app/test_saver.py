@@ -3,7 +3,7 @@
 import threading
 from dataclasses import replace
 
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.findings.result import Verdict
 from app.session.jobs import Saver
 from app.session.session import Session
 from app.session.verdict_basis import VerdictBasis

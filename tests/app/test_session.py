@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from analysis.collision.effects import effects_named
-from analysis.diagnosis.result import Verdict
+from analysis.diagnosis.findings.result import Verdict
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.session_files import own_session

@@ -25,7 +25,6 @@ from app.window.widgets import (
     vertical,
 )
 from app.words import OUTDATED, VERDICTS, cached_words, listed, localised_text, short_name, tag
-from levimass import is_drive
 
 MAX_NAMED = 5  # most shots named
 MIN_SIDE_BY_SIDE_WIDTH = 78  # least width, in letters M, for candidates and residuals side by side

@@ -5,8 +5,8 @@ import time
 
 from PySide6.QtCore import QObject, Signal, Slot
 
-from analysis.shot import Progress, Role, Stop
-from app.session import Job, Jobs, Rig, SettingsStore
+from analysis.shot import Progress, Stop
+from app.session import Jobs, Rig, SettingsStore
 from app.window.layout import Layout
 from instrument.capture import Snapshot
 from instrument.devices import (

@@ -111,10 +111,7 @@ def test_forces_modelled_for_an_older_diagnosis_are_not_shown_beside_a_newer(qtb
         older, newer = _found(), _found()
 
         def come(diagnosis):
-            taken = bench.session.entries[0], (diagnosis, "before", "after")
-            monkeypatch.setattr(page._forces, "take", lambda: taken)
-            page.refresh()
-            monkeypatch.setattr(page._forces, "take", lambda: None)
+            page._show_forces(bench.session.entries[0], (diagnosis, "before", "after"))
 
         come(older)
         assert shown == []  # nothing is diagnosed any more

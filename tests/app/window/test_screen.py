@@ -421,7 +421,9 @@ def test_the_diagnosis_of_a_drive(window):
     drive = window.workbench.session.entry(DRIVEN).shot
     fit = fit_driven([drive.motion])
     one = synthetic.diagnosis(synthetic.shot())
-    found = replace(one, fit_before=fit, fit_after=fit, effects=(), candidates=(), verdict=Verdict.ADEQUATE)
+    found = replace(
+        one, fit_before=fit, fit_after=fit, effects=(), candidates=(), verdict=Verdict.ADEQUATE, drive=synthetic.DRIVE
+    )
     window.workbench._take_diagnosis((DRIVEN,), found)
     settle(window)
     check("diagnosis-drive", {"a drive": of(panels.diagnosis)})

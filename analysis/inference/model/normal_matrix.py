@@ -60,7 +60,7 @@ def _upper(factor, column):  # type: ignore[no-untyped-def]
 def _solve(shared, cross, own, free, damping, right, right_own):  # type: ignore[no-untyped-def]
     """Write the solution in place of ``right``, shape (s,), and ``right_own``, shape (shots, q); False if singular.
 
-    The matrices are scaled to unit diagonal; ``free`` = (shared, own).  The other entries of the solution are zero.
+    The matrices are scaled to unit diagonal (zero for a parameter that moves nothing); ``free`` = (shared, own).  The other entries of the solution are zero.
     Cost: q (q^2 / 3 + q s + s^2) multiply-adds per shot and s^3 / 3.
     """
     free_shared, free_own = free
@@ -71,14 +71,14 @@ def _solve(shared, cross, own, free, damping, right, right_own):  # type: ignore
         rest[i, 0] = right[i] if free_shared[i] else 0.0
         for j in range(s):
             top[i, j] = shared[i, j] if free_shared[i] and free_shared[j] else 0.0
-        top[i, i] = 1.0 + damping
+        top[i, i] = shared[i, i] + damping if free_shared[i] else 1.0
     for k in range(shots):
         factor, sides = factors[k], beside[k]
         for i in range(q):
             for j in range(q):
                 if not (free_own[k, i] and free_own[k, j]):
                     factor[i, j] = 0.0
-            factor[i, i] = 1.0 + damping
+            factor[i, i] = own[k, i, i] + damping if free_own[k, i] else 1.0
             if free_own[k, i]:
                 sides[i, s] = right_own[k, i]
                 for j in range(s):

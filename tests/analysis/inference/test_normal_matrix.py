@@ -65,7 +65,12 @@ def test_singular_equations_have_no_solution() -> None:
     assert NormalMatrix.of(np.eye(2)).solve(np.array([np.inf, 0.0])) is None
     matrix, _ = equations(5)
     matrix.own[2, :, 0] = matrix.own[2, 0, :] = matrix.cross[2, 0] = 0.0  # a parameter that moves nothing
-    assert matrix.solve(np.ones(SIZE)) is not None  # it is held by its own scale
+    right = matrix @ np.ones(SIZE)
+    held = np.ones(SIZE, np.bool_)
+    held[matrix.own_at[2, 0]] = False
+    assert matrix.solve(right) is None and matrix.solve(right, held) is not None
+    damped = matrix.solve(right, damping=1e-6)
+    assert damped is not None and damped[matrix.own_at[2, 0]] == 0.0
     matrix.own[2] = np.ones((OWN, OWN))
     assert matrix.solve(np.ones(SIZE)) is None and matrix.inverse() is None
 

@@ -179,6 +179,56 @@ def test_an_import_that_runs_back_is_seen() -> None:
     assert _runs_back("instrument.live.live_thread", {"instrument.capture.snapshot.Snapshot"})
 
 
+def _at_run_time(text: str) -> Iterator[tuple[str, str]]:
+    """Yield (module, name) of each import of a source, except those for type hints alone."""
+    tree = ast.parse(text)
+    hints = [node for node in ast.walk(tree) if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
+    unseen = {id(inside) for node in hints for inside in ast.walk(node)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module and node.level == 0 and id(node) not in unseen:
+            yield from ((node.module, alias.name) for alias in node.names)
+
+
+def _folder(module: str, name: str) -> str:
+    """Return the folder, dotted, of what ``from module import name`` takes."""
+    if module in PACKAGES:
+        module = f"{module}.{_exported(module).get(name, name)}".rstrip(".")
+    path = HOUSE.joinpath(*module.split("."))
+    if not path.is_dir():
+        return module.rpartition(".")[0]
+    return module
+
+
+def _in_no_order(taken: dict[str, set[str]]) -> set[str]:
+    """Return the folders that are left when those that take from none of the others are removed, again and again."""
+    left = dict(taken)
+    while free := [folder for folder, others in left.items() if not (others - {folder}) & left.keys()]:
+        for folder in free:
+            del left[folder]
+    return set(left)
+
+
+def test_no_folders_import_each_other() -> None:
+    """... also where one lies inside of the other, as the folders of ``analysis.inference`` do."""
+    taken: dict[str, set[str]] = {}
+    for top in LAYERS:
+        for source in (HOUSE / top).rglob("*.py"):
+            folder = ".".join(source.parent.relative_to(HOUSE).parts)
+            named = _at_run_time(source.read_text(encoding="utf-8"))
+            taken.setdefault(folder, set()).update(_folder(*one) for one in named if one[0].split(".")[0] in LAYERS)
+    assert len(taken) > 30 and _in_no_order(taken) == set()
+
+
+def test_folders_that_import_each_other_are_seen() -> None:
+    assert _in_no_order({"a": {"b"}, "b": {"c"}, "c": {"c", "d"}}) == set()
+    assert _in_no_order({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}, "e": set()}) == {"a", "b", "c", "d"}
+    assert _folder("analysis.inference", "fit_shots") == "analysis.inference.fit"
+    assert _folder("analysis.inference.noise.floor", "Floor") == "analysis.inference.noise"
+    assert _folder("analysis.pipeline", "analyse") == "analysis"
+    text = "if TYPE_CHECKING:\n    from a import b\ndef f():\n    from c import d"
+    assert list(_at_run_time(text)) == [("c", "d")]
+
+
 PACKAGES = ("levimass", *(f"{top}.{part}" for top, parts in LAYERS.items() for part in parts))
 
 

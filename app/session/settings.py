@@ -104,7 +104,7 @@ class Settings(AnalysisChoices):
     tour_done: bool = False
     session: str = ""  # path of the open session if it has a name
     recent: str = ""  # recently opened files, newest first, one per line
-    window: str = ""  # geometry and view, see ``app.window.layout``
+    window: str = ""  # geometry and view, see ``app.window.panels.layout``
     # fmt: on
 
     def __post_init__(self) -> None:

@@ -1,6 +1,6 @@
+from .controls.theme import LIGHT
 from .main_window import run
 from .plots.save import save_png, save_svg
-from .theme import LIGHT
 
 __all__ = [
     "LIGHT",

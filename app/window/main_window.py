@@ -29,8 +29,9 @@ from app.session import (
     note,
     warm_up_analysis,
 )
-from app.window import commands
-from app.window.layout import Layout, first_size, keep_within_screen, restore_state, state_text
+from app.window.controls import commands
+from app.window.controls.theme import Theme, Tone
+from app.window.panels.layout import Layout, first_size, keep_within_screen, restore_state, state_text
 from app.window.presenters.diagnosis import DiagnosisPresenter, LawsPresenter, NextShotPresenter
 from app.window.presenters.files import FilesPresenter, ModelPresenter
 from app.window.presenters.mapping import MappingPresenter
@@ -39,7 +40,6 @@ from app.window.presenters.selection import PlotNotesPresenter, SelectionPresent
 from app.window.presenters.session import SessionPresenter
 from app.window.presenters.setup import SetupPresenter
 from app.window.presenters.view import HelpPresenter, ViewPresenter
-from app.window.theme import Theme, Tone
 from app.words import counted
 from instrument.capture import Snapshot, State
 from instrument.devices import Digitizer, with_site

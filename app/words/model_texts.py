@@ -59,7 +59,7 @@ class VerdictWords:
 
     brief: str
     full: str
-    tone: str  # value of app.window.theme.Tone
+    tone: str  # value of app.window.controls.theme.Tone
     names: bool = True
 
 

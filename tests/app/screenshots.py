@@ -12,8 +12,8 @@ from PySide6.QtGui import QImage
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QWidget
 
-from app.window.layout import Layout
 from app.window.main_window import FRAMED_MS, MainWindow, open_window
+from app.window.panels.layout import Layout
 from app.window.plots.plot_notes import NoteEditor
 from instrument.bench.digitizer import BenchDigitizer
 from instrument.bench.rig import Bench

@@ -24,12 +24,12 @@ from PySide6.QtWidgets import (
 from analysis.collision.effects import CATALOGUE
 from app.session.session import Session
 from app.session.settings import FIELDS
-from app.window import commands
-from app.window.commands import COMMANDS, MENUS
-from app.window.layout import Layout
+from app.window.controls import commands
+from app.window.controls.commands import COMMANDS, MENUS
+from app.window.controls.theme import Theme
+from app.window.panels.layout import Layout
 from app.window.panels.tables import TreeTable
 from app.window.plots.plot_view import PlotView
-from app.window.theme import Theme
 from tests.app import synthetic
 from tests.app.on_screen import effect_button
 

@@ -8,11 +8,11 @@ from PySide6.QtCore import QRectF
 from PySide6.QtGui import QPainter, QPicture
 from PySide6.QtTest import QTest
 
+from app.window.controls.theme import LIGHT
 from app.window.plots.axis import PlainAxis
 from app.window.plots.cursors import SPEED
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_plot import TimeStack
-from app.window.theme import LIGHT
 from tests.app.on_screen import caption_words
 
 HIGH, LOW = (700, 720), (700, 150)

@@ -6,8 +6,8 @@ from PySide6.QtGui import QKeySequence
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QAbstractButton, QApplication, QFileDialog
 
-from app.window.layout import Layout
 from app.window.main_window import MainWindow, open_window
+from app.window.panels.layout import Layout
 from tests.app import rigs, synthetic
 
 PAIRS = {  # words of a button, and the command

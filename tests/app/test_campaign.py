@@ -16,7 +16,7 @@ import pytest
 
 from analysis.shot.shot import AnalysisSettings
 from analysis.shot.version import program_version, version_and_digest
-from app.command_line.campaign import run
+from app.command_line import run_campaign
 from app.command_line.campaign.cluster import _client, is_secure
 from app.command_line.campaign.journal import JOURNAL, Journal
 from app.command_line.campaign.task import NotReached, analyse_one, tasks_of, why_unusable
@@ -148,8 +148,8 @@ def test_a_terminal_is_told_how_many_shots_are_done_and_how_long_the_others_take
     terminal = io.StringIO()
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr("sys.stderr", terminal)
-    monkeypatch.setattr(run.time, "monotonic", lambda: now[0])
-    progress = run.Progress(10, already=7)
+    monkeypatch.setattr(run_campaign.time, "monotonic", lambda: now[0])
+    progress = run_campaign.Progress(10, already=7)
     for _ in range(4):
         now[0] += 3.0
         progress.step()
@@ -161,7 +161,7 @@ def test_a_terminal_is_told_how_many_shots_are_done_and_how_long_the_others_take
     ]
     terminal.truncate(0)
     monkeypatch.setattr(terminal, "isatty", lambda: False)
-    quiet = run.Progress(2, already=1)
+    quiet = run_campaign.Progress(2, already=1)
     quiet.step()
     quiet.end()
     assert terminal.getvalue() == ""

@@ -16,11 +16,11 @@ from analysis.drive.catalogue import LAWS
 from app.session import candidate_residuals
 from app.session.candidate_residuals import CandidateResidual, CandidateResiduals, by_evidence
 from app.session.jobs import JobQueues, Jobs
+from app.window.controls.theme import LIGHT
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.effects import TRIED, Bar, CandidateBars, EffectRows
 from app.window.panels.residuals import explained
 from app.window.plots.residual_grid import MOST, Cell, ResidualGrid, SymLog, scale_of
-from app.window.theme import LIGHT
 from tests.app import synthetic
 from tests.app.on_screen import effect_button
 

@@ -12,12 +12,12 @@ from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.settings_store import SettingsStore
 from app.session.workbench import Workbench
-from app.window.layout import Layout
+from app.window.controls.theme import Theme
+from app.window.panels.layout import Layout
 from app.window.panels.mapping_sheet import MappingSheet
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
-from app.window.theme import Theme
 from instrument.bench.simulated_shots import simulate
 from instrument.files.foreign_file import ForeignMapping, MappedChannel, mapping_path, read_mapping, write_mapping
 from instrument.files.foreign_reading import foreign_channels, read_foreign

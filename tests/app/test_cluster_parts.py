@@ -159,7 +159,7 @@ class _BrokenClient:
 def test_a_client_that_breaks_while_work_is_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", types.SimpleNamespace(Client=_BrokenClient))
     task = Task("/shots/a.sigmf-meta", None, None, None, True, "stamp", ())  # type: ignore[arg-type]
-    workers = parts.Cluster("tcp://127.0.0.1:2", [task])
+    workers = parts.Cluster("tcp://127.0.0.1:2", [task], print)
     workers.give(task)
     with pytest.raises(WorkersLost, match="the scheduler is gone; finished shots are saved"):
         for _ in range(100):

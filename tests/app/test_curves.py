@@ -5,13 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.window.controls.theme import LIGHT
 from app.window.plots.axis import _round_up
 from app.window.plots.cursors import SECONDS, TIME, CursorAxis, interval_statistics
 from app.window.plots.curve import Band, PointCurve, SampledCurve
 from app.window.plots.lines import DASHES, MEASURED, ColumnCurve, series
 from app.window.plots.plot_view import MOST, ViewHistory
 from app.window.plots.time_plot import TimeStack
-from app.window.theme import LIGHT
 
 
 @given(st.integers(1, 60), st.floats(-20, 80), st.floats(0, 60), st.sampled_from([0.1, 0.25, 3.0]))

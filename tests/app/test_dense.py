@@ -11,11 +11,11 @@ from PySide6.QtWidgets import QApplication
 from analysis.uncertainty.gum_budget import combined_uncertainties, with_combined_uncertainty
 from app.session.jobs import Job, Jobs
 from app.session.session import Session
-from app.window.layout import Layout
+from app.window.controls.theme import Theme, Tone
+from app.window.panels.layout import Layout
 from app.window.panels.setup_sheet import SetupSheet
 from app.window.panels.work_line import NoticeLine
 from app.window.plots.cursors import CursorReadout
-from app.window.theme import Theme, Tone
 from app.words.wording import concise_text
 from instrument.devices.doctor import Check, Grade
 from tests.app import synthetic

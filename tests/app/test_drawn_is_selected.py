@@ -10,8 +10,8 @@ from PySide6.QtTest import QTest
 from analysis.drive.curves import drive_curves
 from app.session.session import Entry
 from app.session.verdict_basis import Diagnosed
-from app.window.layout import Layout
 from app.window.main_window import MainWindow, open_window
+from app.window.panels.layout import Layout
 from app.window.plots.plot_view import PlotView
 from tests.app import rigs, synthetic
 

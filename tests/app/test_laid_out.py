@@ -13,14 +13,14 @@ from analysis.uncertainty.numbers import NUMBERS
 from app.session.session import Session
 from app.session.settings import FIELDS
 from app.session.settings_store import SettingsStore
-from app.window.layout import Layout
+from app.window.controls.theme import DARK, LIGHT, MARKS, Theme, Tone, sized, style_sheet
+from app.window.controls.widgets import FlowLayout, set_tone, show_toned, text_label
 from app.window.panels.help import Step, Tour
+from app.window.panels.layout import Layout
 from app.window.panels.numbers import NumbersPanel
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_plot import TimeStack
 from app.window.presenters.view import HelpPresenter
-from app.window.theme import DARK, LIGHT, MARKS, Theme, Tone, sized, style_sheet
-from app.window.widgets import FlowLayout, set_tone, show_toned, text_label
 from instrument.devices.device_search import FoundDevice
 from tests.app import synthetic
 

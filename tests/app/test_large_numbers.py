@@ -6,8 +6,8 @@ import pytest
 from PySide6.QtGui import QFontMetricsF
 
 from analysis.shot.quantity import NotSeen, Quantity
+from app.window.controls.theme import MARKS, Tone
 from app.window.panels.large import COLLISION, DRIVEN, MIN_PX, LargePanel, plain_digits
-from app.window.theme import MARKS, Tone
 from tests.app import synthetic
 from tests.app.on_screen import large_text
 

@@ -11,11 +11,11 @@ from analysis.shot.recording import Role
 from app.session.session import Session
 from app.session.settings_store import SettingsStore
 from app.session.workbench import Workbench
-from app.window.layout import Layout
+from app.window.controls.theme import Theme
+from app.window.panels.layout import Layout
 from app.window.presenters.mapping import MappingPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter, is_unmapped
-from app.window.theme import Theme
 from instrument.files.motion_file import read_motion
 
 

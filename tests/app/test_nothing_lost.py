@@ -25,13 +25,13 @@ from app.session.session_files import Unlisted, listed_by, unlisted
 from app.session.settings import FIELDS, Settings
 from app.session.settings_store import SettingsStore
 from app.session.workbench import Workbench
-from app.window.layout import Layout
+from app.window.controls.theme import Theme
+from app.window.controls.widgets import Sheet
+from app.window.panels.layout import Layout
 from app.window.panels.session_model import VERDICT
 from app.window.panels.settings_sheet import SettingsSheet
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
-from app.window.theme import Theme
-from app.window.widgets import Sheet
 from app.words.wording import DASH, localised_number, typed_number
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.analysis_thread import AnalysisThread, ShotAnalysis

@@ -23,7 +23,7 @@ from app.window.panels.compare import ComparePanel
 from app.window.panels.large import LargePanel
 from app.window.panels.numbers import NumbersPanel
 from app.window.panels.session_table import SessionTable
-from app.window.state_words import last_shot
+from app.window.panels.state_words import last_shot
 from app.words.wording import concise_text, value_text
 from tests.app import synthetic
 from tests.app.on_screen import large_text

@@ -22,6 +22,7 @@ from analysis.uncertainty.gum_budget import budget
 from app.report.number_tables import fitted
 from app.session.session import Session
 from app.session.verdict_basis import VerdictBasis
+from app.window.controls.theme import LIGHT, MARKS, Tone
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.effects import CandidateBars
@@ -38,7 +39,6 @@ from app.window.panels.shot_motion import RESIDUALS
 from app.window.panels.tables import BudgetPanel
 from app.window.panels.work_line import NoticeLine
 from app.window.plots import save
-from app.window.theme import LIGHT, MARKS, Tone
 from app.words.wording import number, unbroken, value_text
 from instrument.devices.device_search import FoundDevice
 from tests.app import synthetic

@@ -14,12 +14,12 @@ from analysis.shot.shot import PLOT_UNITS, PlotNote
 from app.report.page import report_of
 from app.report.shot_figures import time_zero
 from app.session.session import Session
-from app.window.layout import Layout
+from app.window.controls.theme import Theme
+from app.window.panels.layout import Layout
 from app.window.panels.shot_raw import curves_of
 from app.window.plots.plot_notes import NoteEditor
 from app.window.plots.save import save_png, save_svg
 from app.window.presenters.selection import PlotNotesPresenter
-from app.window.theme import Theme
 from tests.analysis.signal.beats import free_flight, make_recording
 from tests.app import synthetic
 from tests.app.on_screen import notes_drawn

@@ -12,12 +12,12 @@ from PySide6.QtWidgets import QWidget
 
 from analysis.drive.curves import drive_curves
 from app.session.session import Session
-from app.window.file_dialog import PathKind, ask
-from app.window.layout import Layout
+from app.window.controls.file_dialog import PathKind, ask
+from app.window.controls.theme import Theme
+from app.window.panels.layout import Layout
 from app.window.plots.cursors import CursorReadout
 from app.window.plots.plot_view import PlotView
 from app.window.plots.save import save_png
-from app.window.theme import Theme
 from tests.app import synthetic
 
 SHIFT, CTRL = Qt.KeyboardModifier.ShiftModifier, Qt.KeyboardModifier.ControlModifier

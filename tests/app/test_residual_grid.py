@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PySide6.QtGui import QColor, QImage
 
+from app.window.controls.theme import LIGHT, Tone
 from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid, SymLog, scale_of
-from app.window.theme import LIGHT, Tone
 
 
 @given(st.floats(1e-12, 1e-3), st.floats(1.1, 1e6), st.floats(-1.0, 1.0))

@@ -7,11 +7,11 @@ import pytest
 
 from analysis.planning.next_shot import Reach
 from app.command_line import acquire, campaign, cli, doctor, map_foreign, paper, replay, resolve
-from app.command_line.campaign.run import WorkerChoice
 from app.command_line.cli import prepared_command
 from app.command_line.outputs import Outputs
 from app.command_line.parser import parse, settings_from
 from app.command_line.replay import ReplayRequest
+from app.command_line.run_campaign import WorkerChoice
 
 
 def _run(*argv: str) -> partial:

@@ -16,7 +16,7 @@ from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.settings import FIELDS, SITES, Settings, WrongSettings, correction_words
 from app.session.settings_store import SettingsStore
-from app.window.file_dialog import PathKind
+from app.window.controls.file_dialog import PathKind
 from app.window.panels import settings_sheet
 from app.window.panels.settings_sheet import SettingsSheet
 from instrument.devices.digitizer import CaptureSettings

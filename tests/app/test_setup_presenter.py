@@ -10,10 +10,10 @@ from PySide6.QtWidgets import QApplication
 from pytestqt.qtbot import QtBot
 
 from app.session.settings_store import SettingsStore
+from app.window.controls.theme import LIGHT, Tone, style_sheet
 from app.window.main_window import MainWindow, open_window
 from app.window.panels.rig import Banner
 from app.window.panels.setup_sheet import SetupSheet
-from app.window.theme import LIGHT, Tone, style_sheet
 from instrument.devices.device_search import FoundDevice, udev_instructions
 from instrument.devices.digitizer import DigitizerError
 from instrument.devices.doctor import Check, Grade

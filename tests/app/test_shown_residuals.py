@@ -9,11 +9,11 @@ from analysis.diagnosis.findings.result import Errors
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.uncertainty import diagnosis_band
 from app.report.shot_figures import contact_span_ms, deflection_of
+from app.window.controls.theme import MARKS, Tone
 from app.window.panels.law import LawCurve
 from app.window.panels.numbers import NumbersPanel, wide_words
 from app.window.panels.residuals import Residuals, _errors_table
 from app.window.panels.shot_motion import DeflectionView, GapView
-from app.window.theme import MARKS, Tone
 from tests.app import synthetic
 
 ONE = synthetic.shot()

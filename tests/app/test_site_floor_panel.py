@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.reading.site import CENTRES_HZ, CRITERIA_M_PER_S, MachineLine, SiteFloor
+from app.window.controls.theme import LIGHT
 from app.window.panels.live import (
     CRITERIA,
     LABELLED,
@@ -14,7 +15,6 @@ from app.window.panels.live import (
     floor_words,
     line_words,
 )
-from app.window.theme import LIGHT
 
 LINES = (
     MachineLine(49.971, 3e-9, "the mains"),

@@ -33,13 +33,13 @@ from app.session.jobs import Jobs
 from app.session.kernels import PIECES
 from app.session.session import Session
 from app.session.settings import FIELDS, Settings
-from app.window import commands
-from app.window.layout import Layout
+from app.window.controls import commands
+from app.window.controls.theme import DARK, LIGHT, Theme, Tone
+from app.window.panels.layout import Layout
 from app.window.panels.session_model import FLAGS, VERDICT
 from app.window.plots.axis import PlainAxis
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
-from app.window.theme import DARK, LIGHT, Theme, Tone
 from app.words.flags import FLAGS as EVERY_FLAG
 from app.words.flags import flags_in_short
 from app.words.model_texts import verdict_words

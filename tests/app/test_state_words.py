@@ -9,8 +9,8 @@ import pytest
 from analysis.shot.recording import Role
 from analysis.shot.shot import AnalysisSettings
 from app.session.session import Entry
-from app.window import state_words
-from app.window.theme import Tone
+from app.window.controls.theme import Tone
+from app.window.panels import state_words
 from instrument.capture.acquisition import State
 from instrument.capture.snapshot import CapturedShot, SignalLine, Snapshot
 from instrument.devices.digitizer import CaptureSettings

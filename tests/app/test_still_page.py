@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from app.window.layout import Layout
 from app.window.main_window import LIVE_MS, PULL_MS, STILL_MS, open_window
+from app.window.panels.layout import Layout
 from tests.app import rigs
 
 WAIT_MS = 60_000

@@ -9,8 +9,8 @@ from pytestqt.qtbot import QtBot
 from analysis.paper.paper import reproduce
 from analysis.uncertainty.gum_budget import budget
 from app.report.exports import export
+from app.window.controls.theme import DARK
 from app.window.panels.tables import BudgetPanel, PaperPanel
-from app.window.theme import DARK
 from tests.analysis.shots import at_speed, shot_of
 
 

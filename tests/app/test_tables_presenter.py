@@ -6,9 +6,9 @@ from pytestqt.qtbot import QtBot
 
 from app.session.session import Session
 from app.session.workbench import Workbench
-from app.window.layout import Layout
+from app.window.controls.theme import Theme
+from app.window.panels.layout import Layout
 from app.window.presenters.selection import TablesPresenter
-from app.window.theme import Theme
 from tests.analysis.shots import at_speed, shot_of
 
 

@@ -9,9 +9,9 @@ from analysis.shot.shot import AnalysisSettings
 from app.session.session import Session
 from app.session.verdict_basis import Diagnosed
 from app.session.workbench import Workbench
-from app.window.layout import Layout
+from app.window.controls.theme import Theme
+from app.window.panels.layout import Layout
 from app.window.presenters.diagnosis import DiagnosisPresenter
-from app.window.theme import Theme
 from tests.app import synthetic
 
 TRIED = "tried by the operator; not found by a diagnosis"

@@ -14,13 +14,13 @@ from app.session.session import Session
 from app.session.settings_store import SettingsStore
 from app.session.verdict_basis import Diagnosed, Diagnoses, VerdictBasis, verdict_of
 from app.session.workbench import Workbench
-from app.window.layout import Layout
+from app.window.controls.theme import Theme, Tone
+from app.window.panels.layout import Layout
 from app.window.panels.session_model import VERDICT, SessionModel
+from app.window.panels.state_words import verdict_line
 from app.window.presenters.diagnosis import DiagnosisPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
-from app.window.state_words import verdict_line
-from app.window.theme import Theme, Tone
 from app.words.model_texts import VERDICTS, verdict_words
 from tests.app import synthetic
 from tests.app.stepped_work import SteppedWork

@@ -14,9 +14,9 @@ from PySide6.QtGui import QDropEvent, QKeyEvent
 from PySide6.QtWidgets import QLineEdit, QPushButton
 
 from app.window import main_window
-from app.window.layout import Layout
+from app.window.controls.widgets import Sheet
 from app.window.main_window import open_window
-from app.window.widgets import Sheet
+from app.window.panels.layout import Layout
 from instrument.bench.simulated_shots import simulate
 from instrument.capture.acquisition import State
 from tests.app import rigs

@@ -4,7 +4,7 @@ import pytest
 from PySide6.QtCore import QRect, QSize
 from PySide6.QtWidgets import QMainWindow
 
-from app.window.layout import USUAL, first_size, keep_within_screen, placed
+from app.window.panels.layout import USUAL, first_size, keep_within_screen, placed
 
 ROOM = QRect(0, 0, 1366, 738)
 

@@ -4,9 +4,9 @@ import pytest
 from PySide6.QtGui import QGuiApplication
 
 from app.session.jobs import Job, Jobs
+from app.window.controls.theme import MARKS, Tone
 from app.window.panels import work_line
 from app.window.panels.work_line import KEPT, LISTED, NoticeLine, NoticeList, WorkLine, _remaining
-from app.window.theme import MARKS, Tone
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ from analysis.fitted.fit_time import run_with_time_limit
 from analysis.inference.model.free_parameters import trial_effects
 from analysis.shot.shot import AnalysisError, AnalysisSettings
 from app.session.load import load_and_analyse
+from tests.analysis.shots import shots_of
 from tests.analysis.synthetic_collision import Synthetic, motion_of, position_m
 from tests.attack.trial import REFUSED, SURVIVED, Attempt, refused_in_a_line
 
@@ -144,7 +145,7 @@ def models(folder: Path, random_: random.Random) -> Iterator[Attempt]:
         def attempt(text: str = text) -> str:
             try:
                 known = from_text(text)
-                predicted = run_with_time_limit(lambda: evaluate_predictions([motion], ["s"], known), 3.0)
+                predicted = run_with_time_limit(lambda: evaluate_predictions(shots_of([motion]), known), 3.0)
             except AnalysisError as error:
                 return refused_in_a_line(str(error))
             said = prediction_words(predicted)

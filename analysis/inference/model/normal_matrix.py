@@ -60,8 +60,8 @@ def _upper(factor, column):  # type: ignore[no-untyped-def]
 def _solve(shared, cross, own, free, damping, right, right_own):  # type: ignore[no-untyped-def]
     """Write the solution in place of ``right``, shape (s,), and ``right_own``, shape (shots, q); False if singular.
 
-    The matrices are scaled to unit diagonal (zero for a parameter that moves nothing); ``free`` = (shared, own).  The other entries of the solution are zero.
-    Cost: q (q^2 / 3 + q s + s^2) multiply-adds per shot and s^3 / 3.
+    The matrices are scaled to unit diagonal (zero for a parameter that moves nothing); ``free`` = (shared, own).  The
+    other entries of the solution are zero.  Cost: q (q^2 / 3 + q s + s^2) multiply-adds per shot and s^3 / 3.
     """
     free_shared, free_own = free
     shots, q, s = cross.shape

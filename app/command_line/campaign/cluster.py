@@ -15,7 +15,6 @@ from urllib.parse import urlsplit
 from analysis.shot import version_and_digest
 from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, why_unusable
 from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost
-from app.command_line.outputs import say
 from instrument.background import Task as ThreadTask
 from instrument.background import WorkerThread
 from instrument.files import error_words
@@ -38,12 +37,17 @@ _MAX_FOLDERS = 200  # most folders checked by each worker; others, if missing, a
 
 
 class Cluster:
-    """Workers of a scheduler that have this program, can read the shots' folders and can write to the export folder."""
+    """Workers of a scheduler that have this program, can read the shots' folders and can write to the export folder.
 
-    def __init__(self, address: str, todo: Sequence[Task], *, insecure: bool = False) -> None:
+    ``tell`` is called with a line for each worker that is left out.
+    """
+
+    def __init__(
+        self, address: str, todo: Sequence[Task], tell: Callable[[str], object], *, insecure: bool = False
+    ) -> None:
         if not insecure and not is_secure(address):
             raise WorkersLost(0, _UNSAFE, address)
-        self._address, self._client = address, _client(address)
+        self._address, self._client, self._tell = address, _client(address), tell
         folders = sorted({str(Path(task.path).parent) for task in todo})[:_MAX_FOLDERS]
         csv = next((task.motion_csv for task in todo if task.motion_csv), None)
         self._check_of_folders = (version_and_digest(), folders, None if csv is None else str(Path(csv).parent))
@@ -170,7 +174,7 @@ class Cluster:
         silent = {worker for worker, (_, since) in self._reports.items() if now - since > SILENT_S}
         for worker in sorted(silent - self._silent):
             cause = f"has not reported for {SILENT_S:g} s; its shots go to others"
-            say(f"worker {worker} is left out: it {cause}")
+            self._tell(f"worker {worker} is left out: it {cause}")
         self._silent = silent
 
     def _take_checks(self, now: float) -> None:
@@ -187,7 +191,7 @@ class Cluster:
                 self._fit.add(worker)
             else:
                 self._unfit[worker] = cause
-                say(f"worker {worker} is left out: it {cause}")
+                self._tell(f"worker {worker} is left out: it {cause}")
 
     def _none_usable(self, now: float) -> None:
         at_first = self._without_since == self._began

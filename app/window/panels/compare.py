@@ -14,6 +14,8 @@ from analysis.shot import Quantity, Shot
 from analysis.uncertainty import ResultNumber, series_numbers, with_unit
 from app.report import contact_span_ms, grid_ms
 from app.session import Entry
+from app.window.controls.theme import Colours, Themed
+from app.window.controls.widgets import added, combo_box, push_button, text_label, vertical
 from app.window.plots.cursors import SPEED, CursorReadout
 from app.window.plots.curve import SampledCurve
 from app.window.plots.framed_plot import AXIS_WIDTH, ON_TOP
@@ -21,8 +23,6 @@ from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import series, straight
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.time_plot import TimePlot, TimeStack
-from app.window.theme import Colours, Themed
-from app.window.widgets import added, combo_box, push_button, text_label, vertical
 from app.words import lines, localised_number, number, short_name, tag
 
 

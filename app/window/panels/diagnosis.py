@@ -7,13 +7,8 @@ from PySide6.QtWidgets import QProgressBar, QSplitter, QVBoxLayout, QWidget
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words
 from analysis.shot import Shot
-from app.window.panels.effects import CandidateBars, EffectRows
-from app.window.panels.law import LawCurve
-from app.window.panels.next_steps import NextShotCard, NextSteps
-from app.window.panels.residuals import ResidualOverlay, Residuals
-from app.window.plots.plot_view import PlotView, in_front
-from app.window.theme import Tone
-from app.window.widgets import (
+from app.window.controls.theme import Tone
+from app.window.controls.widgets import (
     FoldButton,
     add_row,
     added,
@@ -24,6 +19,11 @@ from app.window.widgets import (
     text_label,
     vertical,
 )
+from app.window.panels.effects import CandidateBars, EffectRows
+from app.window.panels.law import LawCurve
+from app.window.panels.next_steps import NextShotCard, NextSteps
+from app.window.panels.residuals import ResidualOverlay, Residuals
+from app.window.plots.plot_view import PlotView, in_front
 from app.words import OUTDATED, VERDICTS, cached_words, listed, localised_text, short_name, tag
 
 MAX_NAMED = 5  # most shots named

@@ -10,8 +10,8 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePol
 from analysis.collision import Effect
 from analysis.diagnosis import CRITERIA, Candidate, FoundEffect, remark_on
 from app.session import by_evidence
-from app.window.theme import MARKS, Themed, Tone
-from app.window.widgets import clear_layout, elided_label, horizontal, push_button, text_label, vertical
+from app.window.controls.theme import MARKS, Themed, Tone
+from app.window.controls.widgets import clear_layout, elided_label, horizontal, push_button, text_label, vertical
 from app.words import DASH, effect_numbers, joined, lines, number, tag
 
 TRIED = "tried by the operator; not found by a diagnosis"

@@ -11,8 +11,8 @@ from PySide6.QtGui import QHideEvent
 from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPlainTextEdit, QScrollArea, QWidget
 
 from app.report import program_words
-from app.window.commands import COMMANDS, MOUSE, ON_PLOT
-from app.window.widgets import Sheet, add_row, added, push_button, text_label, vertical
+from app.window.controls.commands import COMMANDS, MOUSE, ON_PLOT
+from app.window.controls.widgets import Sheet, add_row, added, push_button, text_label, vertical
 
 
 class KeySheet(Sheet):

@@ -6,8 +6,8 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QWidget
 
 from analysis.shot import NUMBERS_AFFECTED, Quantity, Reading, Shot
 from analysis.uncertainty import Group, ResultNumber, combined_uncertainties, shown_numbers, with_combined_uncertainty
-from app.window.theme import MARKS, Tone
-from app.window.widgets import set_tone, text_label
+from app.window.controls.theme import MARKS, Tone
+from app.window.controls.widgets import set_tone, text_label
 from app.words import DASH, MILD_FLAGS, localised_number, number
 
 MAX_DIGITS = 7  # most digits readable from a distance

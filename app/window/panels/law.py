@@ -12,12 +12,8 @@ from analysis.collision import FUNCTIONS, MAX_PARAMETERS, LawError, law_from_tab
 from analysis.diagnosis import LearnedLaw
 from analysis.shot import Shot
 from app.report import law_columns
-from app.window.plots.cursors import DISTANCE, CursorAxis, CursorReadout
-from app.window.plots.legend import Legend
-from app.window.plots.lines import SIMULATED, LineStyle, series
-from app.window.plots.plain_plot import PlainPlot
-from app.window.theme import Tone
-from app.window.widgets import (
+from app.window.controls.theme import Tone
+from app.window.controls.widgets import (
     Sheet,
     add_row,
     added,
@@ -28,6 +24,10 @@ from app.window.widgets import (
     text_label,
     vertical,
 )
+from app.window.plots.cursors import DISTANCE, CursorAxis, CursorReadout
+from app.window.plots.legend import Legend
+from app.window.plots.lines import SIMULATED, LineStyle, series
+from app.window.plots.plain_plot import PlainPlot
 from app.words import localised_text, prefix_for, short_name, typed_number
 
 MAX_FORMS = 4

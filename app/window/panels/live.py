@@ -12,12 +12,12 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QVBoxLay
 
 from analysis.reading import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
 from analysis.shot import Channel, Floats, Role
+from app.window.controls.theme import Colours, Themed
+from app.window.controls.widgets import added, horizontal, push_button, scrolled, text_label, vertical
 from app.window.plots.cursors import CursorAxis, CursorReadout
 from app.window.plots.lines import MEASURED, LineStyle
 from app.window.plots.plain_plot import LogPlot
 from app.window.plots.time_plot import TimeStack
-from app.window.theme import Colours, Themed
-from app.window.widgets import added, horizontal, push_button, scrolled, text_label, vertical
 from app.words import DASH, localised_number, localised_text, number, with_prefix
 from instrument.live import CHANNEL_NAMES, LiveView
 

@@ -9,9 +9,18 @@ from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QWid
 from analysis.shot import Role, Setup
 from analysis.uncertainty import with_unit
 from app.session import FIELDS, ChannelKind, ChannelSummary, proposed_roles
+from app.window.controls.theme import Tone
+from app.window.controls.widgets import (
+    Sheet,
+    added,
+    combo_box,
+    fill_box,
+    line_edit,
+    push_button,
+    show_toned,
+    text_label,
+)
 from app.window.panels.settings_sheet import as_typed, stored_value
-from app.window.theme import Tone
-from app.window.widgets import Sheet, added, combo_box, fill_box, line_edit, push_button, show_toned, text_label
 from app.words import Markup, joined, lines, number, tag
 from instrument.files import (
     LENGTHS_M,

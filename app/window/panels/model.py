@@ -6,8 +6,8 @@ from PySide6.QtWidgets import QFrame, QWidget
 from analysis.collision import Effect
 from analysis.fitted import fit_pending
 from analysis.shot import Fit, Shot, split_unit
-from app.window.theme import MARKS, Tone
-from app.window.widgets import add_row, push_button, set_tone, show_toned, text_label, vertical
+from app.window.controls.theme import MARKS, Tone
+from app.window.controls.widgets import add_row, push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
     OUTDATED,
     Markup,

@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QWidget
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words, remark_on
 from analysis.planning import NextShot, PlannedStep, PlanningState, first_indistinguishable
-from app.window.widgets import FlowLayout, added, clear_layout, push_button, text_label, vertical
+from app.window.controls.widgets import FlowLayout, added, clear_layout, push_button, text_label, vertical
 from app.words import localised_text
 
 MAX_TRIED = 3

@@ -9,9 +9,8 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QScrollArea, QWidg
 from analysis.paper import printed_value
 from analysis.shot import Quantity, Reading, Shot, flags_affecting
 from analysis.uncertainty import Group, ResultNumber, combined_uncertainties, shown_numbers, with_combined_uncertainty
-from app.window.state_words import flag_line, flag_tone
-from app.window.theme import MARKS, Colours, Themed, Tone
-from app.window.widgets import (
+from app.window.controls.theme import MARKS, Colours, Themed, Tone
+from app.window.controls.widgets import (
     FoldButton,
     add_row,
     elided_label,
@@ -21,6 +20,7 @@ from app.window.widgets import (
     text_label,
     vertical,
 )
+from app.window.panels.state_words import flag_line, flag_tone
 from app.words import (
     COMBINED,
     DASH,

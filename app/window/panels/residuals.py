@@ -14,13 +14,13 @@ from analysis.shot import Floats, Shot
 from analysis.uncertainty import diagnosis_band
 from app.report import grid_ms, time_zero
 from app.session import CandidateResidual, by_evidence
+from app.window.controls.theme import Colours, Themed, Tone
+from app.window.controls.widgets import add_row, added, push_button, text_label, vertical
 from app.window.panels.effects import CandidateBars
 from app.window.plots.cursors import SECONDS, TIME, CursorAxis, CursorReadout
 from app.window.plots.lines import RESIDUAL
 from app.window.plots.residual_grid import MOST, Cell, Overlay, ResidualGrid
 from app.window.plots.time_plot import TimePlot, TimeStack
-from app.window.theme import Colours, Themed, Tone
-from app.window.widgets import add_row, added, push_button, text_label, vertical
 from app.words import Markup, joined, lines, number, prefix_for, repeatability_words, short_name, tag
 
 MAX_COMPARED_SHOTS = 4  # most shots in the comparison of two candidates

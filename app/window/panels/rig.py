@@ -6,8 +6,17 @@ from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QWidget
 
-from app.window.theme import MARKS, Colours, Themed, Tone, sized
-from app.window.widgets import added, combo_box, elided_label, fill_box, horizontal, push_button, set_tone, text_label
+from app.window.controls.theme import MARKS, Colours, Themed, Tone, sized
+from app.window.controls.widgets import (
+    added,
+    combo_box,
+    elided_label,
+    fill_box,
+    horizontal,
+    push_button,
+    set_tone,
+    text_label,
+)
 from app.words import DASH, counted
 
 

@@ -17,8 +17,8 @@ from analysis.uncertainty import (
     with_combined_uncertainty,
 )
 from app.session import Entry
-from app.window.state_words import flag_line
-from app.window.widgets import hover_text
+from app.window.controls.widgets import hover_text
+from app.window.panels.state_words import flag_line
 from app.words import (
     COMBINED,
     DASH,

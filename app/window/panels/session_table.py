@@ -20,9 +20,9 @@ from PySide6.QtWidgets import (
 )
 
 from app.session import Entry, Session
-from app.window.commands import with_keys
+from app.window.controls.commands import with_keys
+from app.window.controls.widgets import added, combo_box, line_edit, push_button, text_label, vertical
 from app.window.panels.session_model import FLAGS, GROUPS, NOTE, VERDICT, SessionModel, TableOrder
-from app.window.widgets import added, combo_box, line_edit, push_button, text_label, vertical
 
 
 class _ElideRight(QStyledItemDelegate):

@@ -4,9 +4,9 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScrollArea, QSizePolicy, QWidget
 
 from analysis.uncertainty import with_unit
-from app.window.file_dialog import PathKind, ask
-from app.window.theme import Tone
-from app.window.widgets import Sheet, added, fill_box, horizontal, push_button, show_toned, text_label
+from app.window.controls.file_dialog import PathKind, ask
+from app.window.controls.theme import Tone
+from app.window.controls.widgets import Sheet, added, fill_box, horizontal, push_button, show_toned, text_label
 from app.words import localised_number, typed_number, typed_numbers
 from levimass import Setting, Value
 

@@ -6,9 +6,8 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtGui import QGuiApplication
 from PySide6.QtWidgets import QGridLayout, QLabel, QVBoxLayout, QWidget
 
-from app.window.state_words import TONES
-from app.window.theme import MARKS, Tone
-from app.window.widgets import (
+from app.window.controls.theme import MARKS, Tone
+from app.window.controls.widgets import (
     Sheet,
     add_row,
     added,
@@ -20,6 +19,7 @@ from app.window.widgets import (
     text_label,
     vertical,
 )
+from app.window.panels.state_words import TONES
 from app.words import counted, lines, localised_text, tag
 from instrument.devices import Check, FoundDevice, Grade
 

@@ -8,7 +8,8 @@ from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves
 from analysis.shot import Recording, Shot
 from app.report import time_zero
-from app.window.commands import with_keys
+from app.window.controls.commands import with_keys
+from app.window.controls.widgets import FlowLayout, keep_place, push_button, text_label, vertical
 from app.window.panels.shot_drive import DriveView
 from app.window.panels.shot_motion import SLOPE, DeflectionView, GapView, MotionView
 from app.window.panels.shot_raw import RawCurves, RawView
@@ -16,7 +17,6 @@ from app.window.plots.cursors import CursorReadout
 from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, LineStyle
 from app.window.plots.plot_view import PlotView
-from app.window.widgets import FlowLayout, keep_place, push_button, text_label, vertical
 from app.words import lines, tag
 
 VIEWS = {  # name -> (label, tooltip)

@@ -9,13 +9,13 @@ from PySide6.QtWidgets import QSplitter, QWidget
 from analysis.drive import DriveCurves
 from analysis.shot import Floats
 from analysis.uncertainty import with_unit
+from app.window.controls.widgets import text_label
 from app.window.plots.cursors import DISTANCE, SECONDS, SPEED, CursorAxis
 from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, LineStyle
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.plot_view import PlotView, in_front
 from app.window.plots.time_plot import TimeStack
-from app.window.widgets import text_label
 from app.words import DASH, number, repeatability_words
 
 NOTHING: Floats = np.empty(0)

@@ -8,13 +8,13 @@ from analysis.diagnosis import Diagnosis
 from analysis.shot import Fit, Floats, Motion, Overlay, Quantity, Shot
 from analysis.uncertainty import NoiseBand, verdict_band
 from app.report import contact_span_ms, deflection_of, grid_ms, time_zero
+from app.window.controls.widgets import combo_box
 from app.window.plots.cursors import DISTANCE
 from app.window.plots.curve import PointCurve, SampledCurve
 from app.window.plots.lines import MEASURED, RESIDUAL, SIMULATED, CrispCurve, LineStyle
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
 from app.window.plots.time_plot import TimeStack
-from app.window.widgets import combo_box
 from app.words import prefix_for
 
 RESIDUALS = (

@@ -8,12 +8,12 @@ from PySide6.QtWidgets import QSplitter, QWidget
 from analysis.shot import Role, Shot
 from app.report import time_zero
 from app.session import BEATS, Spectra
+from app.window.controls.widgets import added, text_label, vertical
 from app.window.plots.cursors import TIME, CursorAxis, CursorReadout
 from app.window.plots.legend import Legend
 from app.window.plots.lines import MEASURED, LineStyle
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
-from app.window.widgets import added, text_label, vertical
 from instrument.live import CHANNEL_NAMES
 
 FREQUENCY = CursorAxis("MHz", "MHz")

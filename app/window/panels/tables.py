@@ -18,8 +18,8 @@ from analysis.paper import Reproduction, Status
 from analysis.shot import Quantity, Shot, display_unit
 from analysis.uncertainty import COVERAGE_FACTOR, BudgetRow, QuantityBudget, budget
 from app.report import PAPER_SECTIONS, paper_cells, readable_unit
-from app.window.theme import Colours, Themed, Tone, sized
-from app.window.widgets import text_label, vertical
+from app.window.controls.theme import Colours, Themed, Tone, sized
+from app.window.controls.widgets import text_label, vertical
 from app.words import DASH, cell, concise_text, localised_number, number, value_text
 
 

@@ -12,8 +12,8 @@ from PySide6.QtGui import QColor, QGuiApplication
 from PySide6.QtWidgets import QFrame, QListWidget, QListWidgetItem, QProgressBar, QWidget
 
 from app.session import Job, Jobs
-from app.window.theme import MARKS, Colours, Themed, Tone
-from app.window.widgets import (
+from app.window.controls.theme import MARKS, Colours, Themed, Tone
+from app.window.controls.widgets import (
     Sheet,
     added,
     elided_label,

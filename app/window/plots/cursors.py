@@ -10,8 +10,8 @@ from PySide6.QtCore import QObject, Qt, Signal, Slot
 from PySide6.QtWidgets import QFrame, QWidget
 
 from analysis.shot import Floats
+from app.window.controls.widgets import horizontal, push_button, text_label
 from app.window.plots.lines import straight
-from app.window.widgets import horizontal, push_button, text_label
 from app.words import DASH, Markup, joined, localised_number, number, tag
 
 if TYPE_CHECKING:

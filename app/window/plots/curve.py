@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from PySide6.QtCore import Qt
 
 from analysis.shot import Floats
+from app.window.controls.theme import Colours
 from app.window.plots.lines import BAND, ColumnCurve, CrispCurve, LineStyle
-from app.window.theme import Colours
 
 Array = NDArray[np.floating] | NDArray[np.integer]
 BASE = 16  # number of values in one level per value in the next

@@ -8,10 +8,10 @@ from PySide6.QtCore import QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QFontMetricsF
 from PySide6.QtWidgets import QGraphicsGridLayout
 
+from app.window.controls.theme import LIGHT, Colours
 from app.window.plots.axis import PlainAxis
 from app.window.plots.curve import Band, PointCurve, SampledCurve
 from app.window.plots.lines import CrispCurve
-from app.window.theme import LIGHT, Colours
 
 
 class PlotViewBox(pg.ViewBox):

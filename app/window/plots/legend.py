@@ -6,9 +6,9 @@ from PySide6.QtCore import QRect, QSize, Qt
 from PySide6.QtGui import QColor, QFont, QFontMetrics, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QHBoxLayout, QWidget
 
+from app.window.controls.theme import Colours, Themed
+from app.window.controls.widgets import FlowLayout, clear_layout, text_label
 from app.window.plots.lines import LineStyle, density
-from app.window.theme import Colours, Themed
-from app.window.widgets import FlowLayout, clear_layout, text_label
 
 _SAMPLE, _GAP = 26, 6
 

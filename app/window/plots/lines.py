@@ -16,7 +16,7 @@ from PySide6.QtGui import QColor, QGuiApplication, QPainter, QPen, QTransform
 from PySide6.QtWidgets import QWidget
 
 from analysis.shot import Floats
-from app.window.theme import LIGHT, Colours
+from app.window.controls.theme import LIGHT, Colours
 
 DASHES = (
     Qt.PenStyle.SolidLine,

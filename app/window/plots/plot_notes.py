@@ -10,10 +10,10 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QLineEdit, QWidget
 
 from analysis.shot import MAX_NOTE_LENGTH, PlotNote
+from app.window.controls.theme import Colours
+from app.window.controls.widgets import hover_text
 from app.window.plots.framed_plot import FramedPlot
 from app.window.plots.lines import straight
-from app.window.theme import Colours
-from app.window.widgets import hover_text
 
 if TYPE_CHECKING:
     from app.window.plots.plot_view import PlotView

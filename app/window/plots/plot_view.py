@@ -8,11 +8,11 @@ from PySide6.QtCore import QPoint, Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QContextMenuEvent, QGuiApplication, QHideEvent, QKeyEvent, QMouseEvent, QShowEvent
 from PySide6.QtWidgets import QMenu, QWidget
 
+from app.window.controls.theme import Colours, Themed
 from app.window.plots.cursors import TIME, CursorAxis, Cursors
 from app.window.plots.framed_plot import FramedPlot, Span, ViewState
 from app.window.plots.lines import LineStyle
 from app.window.plots.plot_notes import PlotNotes
-from app.window.theme import Colours, Themed
 
 SETTLED_MS = 300  # time without movement after which a view is added to the history
 PAN = 0.1  # shift per press of an arrow key, as a fraction of the view

@@ -13,8 +13,8 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from analysis.shot import Floats
+from app.window.controls.theme import Colours, Themed, Tone
 from app.window.plots.curve import Pyramid
-from app.window.theme import Colours, Themed, Tone
 from app.words import number, prefix_for
 
 MOST = 12  # most shots drawn

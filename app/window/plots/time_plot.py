@@ -7,13 +7,13 @@ import pyqtgraph as pg
 from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QWidget
 
+from app.window.controls.theme import Colours
 from app.window.plots.axis import PlainAxis
 from app.window.plots.cursors import TIME, CursorAxis
 from app.window.plots.curve import Band, PointCurve, SampledCurve
 from app.window.plots.framed_plot import FramedPlot, Span
 from app.window.plots.lines import LineStyle, straight
 from app.window.plots.plot_view import PlotView
-from app.window.theme import Colours
 
 _ROOM = 1.5  # ratio of a steady axis' span to that of the values, so that noise does not move the axis
 _LOOSEST = 4.0  # ratio of a steady axis' span to that of the values above which the axis is fitted again

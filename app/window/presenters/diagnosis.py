@@ -11,8 +11,8 @@ from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves, drive_curves
 from analysis.shot import Progress, Shot, Stop
 from app.session import PLAN, Diagnosed, Entry, NextShots, OwnLaws, ShotJob, Workbench, verdict_of
-from app.window.layout import Layout
-from app.window.theme import Tone
+from app.window.controls.theme import Tone
+from app.window.panels.layout import Layout
 from instrument.files import RecordingError
 from levimass import PAPER_MODEL
 

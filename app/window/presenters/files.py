@@ -10,10 +10,10 @@ from PySide6.QtWidgets import QMenu
 from analysis.diagnosis import SavedModel
 from analysis.shot import Fit
 from app.session import Entry, SettingsStore, Workbench, drift_words, is_session
-from app.window.file_dialog import FileDialogs, PathKind, ask
-from app.window.layout import Layout
-from app.window.theme import Tone
-from app.window.widgets import hover_text
+from app.window.controls.file_dialog import FileDialogs, PathKind, ask
+from app.window.controls.theme import Tone
+from app.window.controls.widgets import hover_text
+from app.window.panels.layout import Layout
 from app.words import counted, localised_text
 
 SESSIONS = "Levimass session (*.json)"

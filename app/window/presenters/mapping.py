@@ -9,7 +9,7 @@ from PySide6.QtCore import QObject, Slot
 
 from analysis.shot import Progress, Role, Stop
 from app.session import ChannelSummary, SettingsStore, Workbench, summarise_channels
-from app.window.layout import Layout
+from app.window.panels.layout import Layout
 from instrument.files import (
     FOLDER_MAPPING,
     ForeignContents,

@@ -7,11 +7,11 @@ from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QApplication
 
 from app.session import FIELDS, Entry, Rig, SettingsStore
-from app.window import state_words
-from app.window.file_dialog import PathKind, ask
-from app.window.layout import Layout
-from app.window.theme import Tone
-from app.window.widgets import Sheet
+from app.window.controls.file_dialog import PathKind, ask
+from app.window.controls.theme import Tone
+from app.window.controls.widgets import Sheet
+from app.window.panels import state_words
+from app.window.panels.layout import Layout
 from app.words import duration
 from instrument.capture import Snapshot, State
 from instrument.devices import is_bench

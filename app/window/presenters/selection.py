@@ -11,10 +11,10 @@ from analysis.paper import Reproduction, reproduce
 from analysis.shot import PlotNote, Progress, Recording, Shot, Stop
 from app.report import time_zero
 from app.session import Entry, Job, Session, ShotJob, Spectra, Workbench, raw_of, spectra_of
-from app.window.layout import Layout
+from app.window.controls.theme import Tone
+from app.window.panels.layout import Layout
 from app.window.panels.shot_raw import RawCurves, curves_of
-from app.window.state_words import verdict_line
-from app.window.theme import Tone
+from app.window.panels.state_words import verdict_line
 
 
 def _title(entry: Entry) -> str:

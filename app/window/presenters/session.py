@@ -9,11 +9,11 @@ from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
 from app.report import document_of
 from app.session import Event, EventKind, SettingsStore, Workbench, is_swapped
-from app.window.file_dialog import FileDialogs, PathKind, ask
-from app.window.layout import Layout
+from app.window.controls.file_dialog import FileDialogs, PathKind, ask
+from app.window.controls.theme import Tone
+from app.window.panels.layout import Layout
 from app.window.presenters.rig import RECORDINGS
 from app.window.presenters.selection import SelectionPresenter
-from app.window.theme import Tone
 from app.words import counted
 from instrument.capture import CapturedShot
 from instrument.files import FORMATS, format_of, is_foreign

@@ -7,7 +7,7 @@ from PySide6.QtCore import QObject, Signal, Slot
 
 from analysis.shot import Progress, Stop
 from app.session import Jobs, Rig, SettingsStore
-from app.window.layout import Layout
+from app.window.panels.layout import Layout
 from instrument.capture import Snapshot
 from instrument.devices import (
     Check,

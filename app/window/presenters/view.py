@@ -10,15 +10,15 @@ from PySide6.QtCore import QObject, QUrl, Signal, Slot
 from PySide6.QtGui import QDesktopServices, QGuiApplication
 
 from app.session import SettingsStore
-from app.window.file_dialog import FileDialogs, PathKind
-from app.window.layout import Layout
+from app.window.controls.file_dialog import FileDialogs, PathKind
+from app.window.controls.theme import Tone
+from app.window.controls.widgets import call_with
 from app.window.panels.help import Step
+from app.window.panels.layout import Layout
 from app.window.plots import save
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
-from app.window.theme import Tone
-from app.window.widgets import call_with
 from instrument.files import RecordingError
 
 

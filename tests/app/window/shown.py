@@ -36,6 +36,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.window.controls.widgets import ElidedLabel
 from app.window.panels.effects import Bar
 from app.window.panels.rig import Banner
 from app.window.plots.curve import Band
@@ -44,7 +45,6 @@ from app.window.plots.legend import Legend
 from app.window.plots.lines import CrispCurve, LineStyle
 from app.window.plots.plot_view import PlotView
 from app.window.plots.residual_grid import ResidualGrid
-from app.window.widgets import ElidedLabel
 
 DASHES = {Qt.PenStyle.DashLine: " dashed", Qt.PenStyle.DotLine: " dotted", Qt.PenStyle.DashDotLine: " dash-dotted"}
 KINDS = (

@@ -7,8 +7,8 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QFileDialog, QMenu
 
-from app.window.commands import COMMANDS
-from app.window.layout import Layout
+from app.window.controls.commands import COMMANDS
+from app.window.panels.layout import Layout
 from app.window.panels.session_model import NOTE
 from app.window.plots.plot_notes import NoteEditor
 from tests.app import synthetic

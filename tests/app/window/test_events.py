@@ -13,10 +13,10 @@ from PySide6.QtWidgets import QApplication
 from analysis.shot.quantity import Quantity
 from app.session.jobs import Event, EventKind
 from app.session.model_in_use import write_model
-from app.window.layout import Layout
+from app.window.controls.theme import Tone
+from app.window.panels.layout import Layout
 from app.window.presenters.files import _agreement
 from app.window.presenters.session import is_unmapped
-from app.window.theme import Tone
 from instrument.capture.acquisition import State
 from instrument.capture.snapshot import CapturedShot
 from instrument.devices.device_search import FoundDevice

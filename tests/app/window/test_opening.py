@@ -13,8 +13,8 @@ from PySide6.QtWidgets import QApplication
 
 from app.session.log import ProgramLog
 from app.window import main_window
-from app.window.layout import Layout, restore_state, state_text
 from app.window.main_window import open_window
+from app.window.panels.layout import Layout, restore_state, state_text
 from app.window.presenters.view import HelpPresenter
 from instrument.bench.site import USUAL_SITE
 from tests.app import rigs

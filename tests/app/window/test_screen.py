@@ -26,10 +26,10 @@ from analysis.shot.shot import PlotNote
 from app.session.candidate_residuals import CandidateResidual
 from app.session.channel_guess import ChannelKind, ChannelSummary
 from app.session.settings import FIELDS
-from app.window.layout import Layout
+from app.window.controls.theme import Tone
+from app.window.panels.layout import Layout
 from app.window.panels.session_model import VERDICT
 from app.window.presenters import rig
-from app.window.theme import Tone
 from instrument.capture.acquisition import State
 from instrument.capture.snapshot import CapturedShot, SignalLine
 from instrument.devices.device_search import FoundDevice

@@ -24,7 +24,7 @@ from PySide6.QtWidgets import (
 )
 from shiboken6 import isValid
 
-from app.window.theme import MARKS, Tone, sized
+from app.window.controls.theme import MARKS, Tone, sized
 from app.words import Markup, lines, tag
 
 

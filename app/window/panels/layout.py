@@ -14,6 +14,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from app.window.controls.theme import Theme, Themed
+from app.window.controls.widgets import Sheet, vertical
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
 from app.window.panels.help import AboutSheet, KeySheet, Tour
@@ -32,8 +34,6 @@ from app.window.panels.spectrum import SpectrumPanel
 from app.window.panels.tables import BudgetPanel, PaperPanel
 from app.window.panels.work_line import NoticeList, WorkLine
 from app.window.plots.plot_view import PlotView, in_front
-from app.window.theme import Theme, Themed
-from app.window.widgets import Sheet, vertical
 
 
 class Layout(QWidget):

@@ -8,8 +8,8 @@ from analysis.collision import Effect
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Quantity, Role
 from analysis.uncertainty import combined_uncertainties, with_combined_uncertainty
 from app.session import Entry
+from app.window.controls.theme import MARKS, Tone
 from app.window.panels.rig import TileText
-from app.window.theme import MARKS, Tone
 from app.words import (
     DASH,
     MILD_FLAGS,

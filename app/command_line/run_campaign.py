@@ -76,7 +76,7 @@ def _worker_pool(workers: WorkerChoice, todo: Sequence[Task]) -> WorkerPool:
         return ProcessPool(workers.jobs or 1)
     from app.command_line.campaign.cluster import Cluster  # needs the optional dask.distributed
 
-    return Cluster(workers.scheduler, todo, insecure=workers.insecure)
+    return Cluster(workers.scheduler, todo, say, insecure=workers.insecure)
 
 
 def _unreadable_words(path: Path | None, lines: int) -> str:

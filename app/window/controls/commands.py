@@ -8,7 +8,7 @@ from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
 from PySide6.QtWidgets import QAbstractButton, QMainWindow, QMenu, QToolButton, QWidget
 
-from app.window.widgets import call_with
+from app.window.controls.widgets import call_with
 
 
 @dataclass(frozen=True, slots=True)

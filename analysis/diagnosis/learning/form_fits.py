@@ -2,12 +2,13 @@
 
 import contextlib
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 
-from analysis.collision import Infeasible, LawError
+from analysis.collision import FORMS, Infeasible, LawError
 from analysis.compiled import side_by_side
 from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.learning.closed_forms import Fitting
@@ -24,7 +25,20 @@ _REACH_SHARE = 0.02  # the same as a share of the best form's gain in BIC, where
 _OVER_A_KINK = 0.2  # of a safe step
 _UNDECIDED = 3.0  # factor on that reach where the short search had not converged
 
+_EQUAL = 0.1  # BIC: closer forms are one function over the range visited, and rounding orders them
+
 Forms = tuple[Fitting, ...]  # one for every curve of a fit
+Item = TypeVar("Item")
+
+
+def likeliest(fits: Iterable[Item], bic: Callable[[Item], float], forms: Callable[[Item], Forms]) -> Item:
+    """Return the likeliest of ``fits``; of those equally likely, the one whose forms are declared first.
+
+    A power and an odd power, for example, are one function on the side of zero that the shots visit.
+    """
+    by_bic = sorted(((bic(one), one) for one in fits), key=lambda pair: pair[0])
+    equal = [one for value, one in by_bic if value < by_bic[0][0] + _EQUAL]
+    return equal[0] if len(equal) == 1 else min(equal, key=lambda one: [FORMS.index(form.form) for form in forms(one)])
 
 
 def fit_forms(

@@ -24,7 +24,7 @@ from analysis.diagnosis.findings.result import LearnedLaw
 from analysis.diagnosis.learning.closed_forms import Fitting, likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, refine, screen
 from analysis.diagnosis.learning.curve_motion import fit_with_motions
-from analysis.diagnosis.learning.form_fits import fit_forms, refit_resolving_kinks
+from analysis.diagnosis.learning.form_fits import fit_forms, likeliest, refit_resolving_kinks
 from analysis.diagnosis.learning.learned_law import FormFit, as_learned
 from analysis.inference import Fitted, with_frame_relinearised
 from analysis.shot import Cancelled, Progress, Stop
@@ -129,7 +129,8 @@ def _likeliest_forms(fits: list[FormFit], stop: Stop) -> list[FormFit]:
     fits = sorted(fits, key=lambda one: one.bic)
     within = fits[0].bic + CRITERIA.form_excluded
     ends = side_by_side(lambda one: _converged(one, stop) if one.bic < within else one, fits)
-    best, *others = sorted(ends, key=lambda one: one.bic)
+    best = likeliest(ends, lambda one: one.bic, lambda one: (one.form,))
+    others = sorted((one for one in ends if one is not best), key=lambda one: one.bic)
     return [replace(best, fitted=refit_resolving_kinks(best.fitted, stop)), *others]
 
 

@@ -17,7 +17,7 @@ from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
 from analysis.diagnosis.learning.closed_forms import likely_forms
 from analysis.diagnosis.learning.curve_fit import Learned, fit_terms, likeliest_pairs
 from analysis.diagnosis.learning.curve_motion import Term, fit_with_motions
-from analysis.diagnosis.learning.form_fits import fit_forms, refit_resolving_kinks
+from analysis.diagnosis.learning.form_fits import fit_forms, likeliest, refit_resolving_kinks
 from analysis.diagnosis.learning.law_learning import (
     FIRST_PIECES,
     FIRST_STEPS,
@@ -104,7 +104,8 @@ class _Pairs:
     @property
     def best(self) -> tuple[int, int]:
         """Get the indices of the likeliest pair."""
-        return min(self.fits, key=lambda pair: self.fits[pair].bic)
+        first, other = self.forms
+        return likeliest(self.fits, lambda pair: self.fits[pair].bic, lambda pair: (first[pair[0]], other[pair[1]]))
 
     @property
     def bic(self) -> float:

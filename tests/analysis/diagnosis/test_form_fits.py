@@ -13,6 +13,7 @@ from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning import form_fits as module
 from analysis.diagnosis.learning.closed_forms import Fitting
 from analysis.diagnosis.learning.curve_motion import Term
+from analysis.diagnosis.learning.form_fits import likeliest
 from analysis.inference import Point
 from analysis.shot import Cancelled
 
@@ -141,3 +142,14 @@ def test_a_form_begins_with_its_numbers_where_base_and_starts_give_way_to_it() -
         assert list(told) == [TILT, first, second] and told[TILT] == {"angle_rad": angle}
         assert told[first] == {"a": 5.0} and told[second] == {"a": 7.0, "b": 3e-4}
     assert (point.base, point.own) == ("base", "own")
+
+
+def test_of_forms_that_are_one_function_here_the_one_declared_first_is_the_likeliest() -> None:
+    named = {form.name: (SimpleNamespace(form=form),) for form in FORMS}
+
+    def of(bics: dict[str, float]) -> str:
+        return likeliest(bics, bics.__getitem__, lambda name: named[name])  # type: ignore[arg-type, return-value]
+
+    assert of({"power, odd": 10.0, "power": 10.05, "linear": 10.2}) == "power"
+    assert of({"power, odd": 10.0, "power": 10.15}) == "power, odd"
+    assert of({"tanh": 3.0}) == "tanh"

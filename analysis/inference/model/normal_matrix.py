@@ -57,32 +57,60 @@ def _upper(factor, column):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _solve(shared, cross, own, free, damping, right, right_own):  # type: ignore[no-untyped-def]
-    """Write the solution in place of ``right``, shape (s,), and ``right_own``, shape (shots, q); False if singular.
-
-    The matrices are scaled to unit diagonal (zero for a parameter that moves nothing); ``free`` = (shared, own).  The
-    other entries of the solution are zero.  Cost: q (q^2 / 3 + q s + s^2) multiply-adds per shot and s^3 / 3.
-    """
-    free_shared, free_own = free
+def _times(shared, cross, own, shared_at, own_at, vector):  # type: ignore[no-untyped-def]
+    """Return the matrix times a vector, shape (p,); cost: (q + s)^2 multiply-adds per shot."""
     shots, q, s = cross.shape
-    factors, beside = own.copy(), np.zeros((shots, q, s + 1))
+    out = np.zeros(vector.size)
+    for i in range(s):
+        for j in range(s):
+            out[shared_at[i]] += shared[i, j] * vector[shared_at[j]]
+    for k in range(shots):
+        for i in range(q):
+            at = own_at[k, i]
+            for j in range(s):
+                out[at] += cross[k, i, j] * vector[shared_at[j]]
+                out[shared_at[j]] += cross[k, i, j] * vector[at]
+            for j in range(q):
+                out[at] += own[k, i, j] * vector[own_at[k, j]]
+    return out
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _solve(shared, cross, own, shared_at, own_at, unit, free, damping, out):  # type: ignore[no-untyped-def]
+    """Write the solution, zero where not ``free``, in place of the right-hand side ``out``, shape (p,).
+
+    The matrix is scaled by ``unit``, shape (p,), to unit diagonal, or zero for a parameter that moves nothing.  Returns
+    False if it is singular.  Cost: q (q^2 / 3 + q s + s^2) multiply-adds per shot and s^3 / 3.
+    """
+    shots, q, s = cross.shape
+    out *= unit
+    factors, beside = np.zeros((shots, q, q)), np.zeros((shots, q, s + 1))
     top, rest = np.zeros((s, s)), np.zeros((s, 1))
     for i in range(s):
-        rest[i, 0] = right[i] if free_shared[i] else 0.0
-        for j in range(s):
-            top[i, j] = shared[i, j] if free_shared[i] and free_shared[j] else 0.0
-        top[i, i] = shared[i, i] + damping if free_shared[i] else 1.0
+        at = shared_at[i]
+        if free[at]:
+            rest[i, 0] = out[at]
+            for j in range(s):
+                if free[shared_at[j]]:
+                    top[i, j] = shared[i, j] * (unit[at] * unit[shared_at[j]])
+            top[i, i] += damping
+        else:
+            top[i, i] = 1.0
     for k in range(shots):
         factor, sides = factors[k], beside[k]
         for i in range(q):
-            for j in range(q):
-                if not (free_own[k, i] and free_own[k, j]):
-                    factor[i, j] = 0.0
-            factor[i, i] = own[k, i, i] + damping if free_own[k, i] else 1.0
-            if free_own[k, i]:
-                sides[i, s] = right_own[k, i]
+            at = own_at[k, i]
+            if free[at]:
+                sides[i, s] = out[at]
+                for j in range(q):
+                    if free[own_at[k, j]]:
+                        factor[i, j] = own[k, i, j] * (unit[at] * unit[own_at[k, j]])
                 for j in range(s):
-                    sides[i, j] = cross[k, i, j] if free_shared[j] else 0.0
+                    if free[shared_at[j]]:
+                        sides[i, j] = cross[k, i, j] * (unit[at] * unit[shared_at[j]])
+                factor[i, i] += damping
+            else:
+                factor[i, i] = 1.0
         if not _factor(factor):
             return False
         _lower(factor, sides)
@@ -94,14 +122,18 @@ def _solve(shared, cross, own, free, damping, right, right_own):  # type: ignore
     if not _factor(top):
         return False
     _lower(top, rest)
-    right[:] = rest[:, 0]
+    right = rest[:, 0].copy()
     _upper(top, right)
+    for i in range(s):
+        out[shared_at[i]] = right[i] * unit[shared_at[i]]
     for k in range(shots):
+        column = beside[k, :, s].copy()
         for i in range(q):
-            right_own[k, i] = beside[k, i, s]
             for j in range(s):
-                right_own[k, i] -= beside[k, i, j] * right[j]
-        _upper(factors[k], right_own[k])
+                column[i] -= beside[k, i, j] * right[j]
+        _upper(factors[k], column)
+        for i in range(q):
+            out[own_at[k, i]] = column[i] * unit[own_at[k, i]]
     return True
 
 
@@ -139,9 +171,7 @@ class NormalMatrix:
 
     def __matmul__(self, vector: Floats) -> Floats:
         """Return the matrix times a vector, shape (p,)."""
-        out, shared, own = np.empty(self.size), vector[self.shared_at], vector[self.own_at]
-        out[self.shared_at] = self.shared @ shared + np.tensordot(own, self.cross, 2)
-        out[self.own_at] = self.cross @ shared + np.einsum("kij,kj->ki", self.own, own)
+        out: Floats = _times(self.shared, self.cross, self.own, self.shared_at, self.own_at, vector)
         return out
 
     def dense(self) -> Floats:
@@ -161,13 +191,10 @@ class NormalMatrix:
         """
         free = np.ones(self.size, np.bool_) if free is None else free
         unit = 1.0 / np.sqrt(np.maximum(self.diagonal, 1e-300))
-        scaled, out = self._scaled(unit), right * unit
-        of_shared, of_own = out[self.shared_at], out[self.own_at]
-        both = (free[self.shared_at], free[self.own_at])
-        if not _solve(scaled.shared, scaled.cross, scaled.own, both, damping, of_shared, of_own):
-            return None
-        out[self.shared_at], out[self.own_at] = of_shared, of_own
-        return out * unit if np.all(np.isfinite(out)) else None
+        out = right.copy()
+        blocks = self.shared, self.cross, self.own, self.shared_at, self.own_at
+        solved = _solve(*blocks, unit, free, damping, out)
+        return out if solved and np.all(np.isfinite(out)) else None
 
     def inverse(self, free: NDArray[np.bool_] | None = None) -> Floats | None:
         """Return the inverse, shape (p, p), over the ``free`` parameters, else zero; None if singular to rounding."""

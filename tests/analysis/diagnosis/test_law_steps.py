@@ -197,7 +197,9 @@ def test_forms_near_a_curve_are_fitted_first_and_the_others_where_none_meets_it(
 
 
 def test_curves_behind_what_was_met_are_not_read_and_three_at_most_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    forms = Forms(monkeypatch, {name: [1.0] for name in "abcd"}, {f"{name}0": 500.0 + k for k, name in enumerate("abcd")})
+    forms = Forms(
+        monkeypatch, {name: [1.0] for name in "abcd"}, {f"{name}0": 500.0 + k for k, name in enumerate("abcd")}
+    )
     forms.learned(curve(500.0, "a"), curve(500.0, "b", 510.1), curve(500.0, "c", 509.9), curve(500.0, "d"))
     assert [one for one in forms.asked if isinstance(one, list)] == [["a0"], ["c0"]]
     nothing = Forms(monkeypatch, {"a": [1.0, 2.0]}, {})

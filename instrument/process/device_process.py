@@ -92,9 +92,9 @@ class DeviceProcess:
             self._device = message.device or self._device
         return message
 
-    def end(self, patience_s: float = END_S) -> None:
-        """End the child, by force after ``patience_s``; harmless when it has ended."""
-        self._process.end(patience_s)
+    def end(self, patience_s: float | None = None) -> None:
+        """End the child, by force after ``patience_s`` (None: ``END_S``); harmless when it has ended."""
+        self._process.end(END_S if patience_s is None else patience_s)
 
     def end_silent(self) -> DigitizerError:
         """End a child that does not answer, and return the error to raise."""

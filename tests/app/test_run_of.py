@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from analysis.planning.next_shot import Reach
-from app.command_line import acquire, campaign, cli, doctor, map_foreign, paper, replay, resolve
+from app.command_line import acquire, cli, doctor, map_foreign, paper, replay, resolve, run_campaign
 from app.command_line.cli import prepared_command
 from app.command_line.outputs import Outputs
 from app.command_line.parser import parse, settings_from
@@ -46,7 +46,7 @@ def test_shots_are_planned_within_what_the_rig_can_do() -> None:
 
 def test_a_campaign_has_its_workers() -> None:
     found = _run("replay", "x", "--jobs", "3", "--json", "out.json")
-    assert found.func is campaign.run.campaign
+    assert found.func is run_campaign.campaign
     assert found.args == ([Path("x")], WorkerChoice(3, None, False), Outputs("out.json"))
     assert _run("replay", "x", "--scheduler", "tcp://127.0.0.1:1").args[1].scheduler == "tcp://127.0.0.1:1"
     assert _run("replay", "x", "--scheduler", "tcp://127.0.0.1:1", "--insecure").args[1].insecure

@@ -106,16 +106,22 @@ class Photographer:
         self.press(Qt.Key.Key_Space)
         self.wait("ARMED", lambda: panels.banner.word.text() == "ARMED")
         self.take("armed")
-        self.wait("a moving block", lambda: panels.live.numbers["velocity"].text()[1:4] not in ("0.0", "", "–"))
+        self.wait("a moving block", self._block_moves)
         self.take("live")
         self.wait("a shot", lambda: len(read_entries(self.window.workbench.session)) == 1)
         self.wait("READY", lambda: panels.banner.word.text() == "READY")
+        panels.tabs.setCurrentIndex(Layout.SHOT)
         self._views()
         self._sheets()
         self._several()
         self._panels()
         self._dark()
         self._fault()
+
+    def _block_moves(self) -> bool:
+        """Return whether LIVE shows a moving block; it is chosen again if an analysed shot has shown its own page."""
+        self.window.panels.tabs.setCurrentIndex(Layout.LIVE)
+        return self.window.panels.live.numbers["velocity"].text()[1:4] not in ("0.0", "", "–")
 
     def _checked(self) -> bool:
         """Return whether every line of the set-up has its tick; look again where the block was just pushed."""

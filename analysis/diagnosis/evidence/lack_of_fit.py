@@ -129,7 +129,7 @@ def shared(columns: Sequence[Floats]) -> Arrow:
 def _apart(tangents: Arrow, some: slice) -> Arrow:
     """Return derivatives by ``some`` shared parameters, made separate for all shots but the last."""
     *free, last = (block[:, some] for block in tangents.blocks)
-    return Arrow.of([*free, last[:, :0]], 0)
+    return Arrow.of([*free, np.zeros_like(last)], 0)
 
 
 def _after_turn(shot: Samples) -> Floats:

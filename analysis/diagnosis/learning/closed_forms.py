@@ -85,23 +85,16 @@ def is_outside_base(form: Form, argument: Argument) -> bool:
 
 def _toll(learned: Learned, which: int) -> Floats:
     """Return the step of base and starts per change of each coefficient of a curve, shape (z, count)."""
-    size = learned.z.size
-    mine = places_of(learned.terms, size)[which]
-    inner, cross = learned.curvature[:size, :size], learned.curvature[:size, mine]
-    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    solved = np.linalg.pinv(inner / np.outer(scale, scale), rcond=1e-13, hermitian=True) @ (cross / scale[:, None])
-    return np.asarray(-solved / scale[:, None])
+    of_all, size = np.arange(learned.curvature.size), learned.z.size
+    return learned.curvature.followed(of_all[places_of(learned.terms, size)[which]], of_all < size)[:size]
 
 
 def information(learned: Learned, which: int = 0) -> Floats:
     """Return the shots' information on a curve's coefficients, all else eliminated, shape (count, count)."""
-    whole = learned.curvature
-    mine = np.r_[places_of(learned.terms, learned.z.size)[which]]
-    other = np.setdiff1d(np.arange(len(whole)), mine)
-    scale = np.sqrt(np.maximum(np.diag(whole)[other], 1e-300))
-    inner = whole[np.ix_(other, other)] / np.outer(scale, scale)
-    cross = whole[np.ix_(other, mine)] / scale[:, None]
-    left = whole[np.ix_(mine, mine)] - cross.T @ np.linalg.pinv(inner, rcond=1e-13, hermitian=True) @ cross
+    of_all = np.arange(learned.curvature.size)
+    mine = of_all[places_of(learned.terms, learned.z.size)[which]]
+    followed = learned.curvature.followed(mine, ~np.isin(of_all, mine))
+    left = np.stack([(learned.curvature @ moves)[mine] for moves in followed.T])
     return np.asarray(0.5 * (left + left.T))
 
 

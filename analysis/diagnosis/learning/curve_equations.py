@@ -8,11 +8,12 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.diagnosis.learning.curve_motion import Term
 from analysis.diagnosis.learning.penalised_step import penalised_step
-from analysis.inference import Arrow, NormalMatrix, Problem
+from analysis.inference import Arrow, Problem
 from analysis.shot import Floats
 
 _BEYOND = 1e100  # noise norms: larger than any motion of the rig
@@ -63,13 +64,15 @@ class CurveEquations:
         shared, penalty, freedom = penalised_step(self.reduced(), self.shared_base, terms, samples=self.samples)
         return self.columns.with_own(shared, self.left), penalty, freedom
 
-    def damped_step(self, terms: Sequence[Term], penalty: Floats, damping: float) -> Floats | None:
-        """Return the step of all parameters, damped in directions that the shots hardly constrain; or None."""
+    def damped_step(
+        self, terms: Sequence[Term], penalty: Floats, damping: float, free: NDArray[np.bool_]
+    ) -> Floats | None:
+        """Return the step of all ``free`` parameters, damped in directions that the shots hardly constrain; or None."""
         coefficients = np.concatenate([term.coefficients for term in terms])
-        curvature, pull = self.columns.gram(), self.columns.pull(self.left)
-        curvature[self.base :, self.base :] += penalty
+        curvature, pull = self.columns.normal_matrix(), self.columns.pull(self.left)
+        curvature.shared[self.shared_base :, self.shared_base :] += penalty
         pull[self.base :] -= penalty @ coefficients
-        return NormalMatrix.of(curvature).solve(pull, damping=damping)
+        return curvature.solve(pull, free, damping)
 
 
 def whitened_residual(problem: Problem, left_m: Iterable[Floats]) -> Floats:

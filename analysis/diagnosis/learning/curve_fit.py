@@ -18,7 +18,7 @@ from analysis.compiled import side_by_side
 from analysis.diagnosis.learning.curve_equations import CurveEquations, whitened_residual
 from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, displacements, motions, places_of
 from analysis.diagnosis.learning.penalised_step import penalised_step
-from analysis.inference import Fitted, Floor, Problem, free_to_move, white_floor
+from analysis.inference import Fitted, Floor, NormalMatrix, Problem, free_to_move, white_floor
 from analysis.shot import Cancelled, Floats, Stop
 
 _DAMPINGS = (0.0, 1e-8, 1e-6, 1e-4, 1e-2, 0.3)  # of a step, tried one after another until chi^2 falls
@@ -41,7 +41,7 @@ class Learned:
     z: Floats
     residual_m: tuple[Floats, ...]
     log_likelihood: float
-    curvature: Floats
+    curvature: NormalMatrix
     penalty: Floats
     freedom: float
 
@@ -64,7 +64,7 @@ class Learned:
         return replace(
             self,
             terms=tuple(self.terms[k] for k in order),
-            curvature=self.curvature[np.ix_(whole, whole)],
+            curvature=self.curvature.renumbered(whole),
             penalty=self.penalty[np.ix_(at, at)],
         )
 
@@ -230,7 +230,7 @@ def _learned_at(here: _SearchPoint, problem: Problem) -> Learned:
     problem = problem.with_noise(noise)
     equations = here.equations(problem)
     _, penalty, freedom = equations.step(here.terms)
-    return Learned(problem, here.terms, here.z, left, value, equations.columns.gram(), penalty, freedom)
+    return Learned(problem, here.terms, here.z, left, value, equations.columns.normal_matrix(), penalty, freedom)
 
 
 class _StepResult(NamedTuple):
@@ -253,7 +253,8 @@ def _step_from(problem: Problem, here: _SearchPoint, damping: float) -> tuple[_S
 
 def _downhill(problem: Problem, here: _SearchPoint, damping: float) -> _StepResult:
     whole, size, (low, high) = here.equations(problem), here.z.size, problem.bounds
-    free = free_to_move(here.z, -whole.columns.pull(whole.left)[:size], low, high)
+    free = np.ones(whole.columns.size, np.bool_)
+    free[:size] = free_to_move(here.z, -whole.columns.pull(whole.left)[:size], low, high)
     equations = whole.without(np.flatnonzero(~free))  # what descent pushes against its bound stays there
     moves, penalty, _ = equations.step(here.terms)
     chi2 = _penalised(equations.left, here.terms, penalty)
@@ -263,7 +264,7 @@ def _downhill(problem: Problem, here: _SearchPoint, damping: float) -> _StepResu
         return chi2 - _penalised(rest, _moved(here.terms, by[size:]), penalty)
 
     for trial in (d for d in _DAMPINGS if d >= damping):
-        by = moves if trial == 0.0 else equations.damped_step(here.terms, penalty, trial)
+        by = moves if trial == 0.0 else whole.damped_step(here.terms, penalty, trial, free)
         if by is None:
             continue
         z, terms = np.clip(here.z + by[:size], low, high), _moved(here.terms, by[size:])

@@ -1,14 +1,13 @@
 """Add effects to a fit, starting from their best-scored values or from the fit of each effect alone."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import COMPARABLE, Fitted, Linearised, Problem
-from analysis.inference.model.arrow import Arrow
 from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.free_parameters import TrialEffect
 from analysis.inference.model.normal_matrix import Square
@@ -20,7 +19,7 @@ _COMPARING, _FROM_NATURAL_SIZE, _ENDING = 7, 30, 16  # evaluations: to compare f
 _FAR_BEHIND = 300.0  # BIC behind the compared fit at which a search near its end is stopped
 _START_SHARES = (1.0, 0.3, 0.1)  # fractions of the start amplitude, tried in turn
 _COMPENSATING_STEPS = 4  # largest number of steps
-_MIN_SINGULAR = 1e-4  # fraction of the largest singular value below which a direction is not moved
+_DAMPING = 1e-8  # of a step, relative: directions with a singular value below 1e-4 hardly move
 _NO_FIT = (Infeasible, np.linalg.LinAlgError, FloatingPointError)  # raised if a search finds no trajectory
 
 
@@ -97,13 +96,16 @@ def _compensated(at: Linearised, problem: Problem, z: Floats) -> Floats:
     """
     before, places = at.problem, _places(problem)
     moving = np.array([*range(before.offset), *(places[parameter] for parameter in _places(before))])
-    compensation = at.once("compensation", lambda: _compensation(at.tangents))
+    curvature = at.once("normal matrix", at.tangents.normal_matrix)
     low, high = problem.bounds
     left = problem.whitened_residual(z)
     chi2 = float(left @ left)
     for _ in range(_COMPENSATING_STEPS):
+        step = curvature.solve(at.tangents.pull(left), damping=_DAMPING)
+        if step is None:
+            break
         there = z.copy()
-        there[moving] -= compensation(left)
+        there[moving] -= step
         there = np.clip(there, low, high)
         try:
             left = problem.whitened_residual(there)
@@ -113,19 +115,6 @@ def _compensated(at: Linearised, problem: Problem, z: Floats) -> Floats:
             break
         z, chi2 = there, float(left @ left)
     return z
-
-
-def _compensation(tangents: Arrow) -> Callable[[Floats], Floats]:
-    """Return the map from a whitened residual, shape (rows,), to the least-squares step of the parameters.
-
-    The step has no component in directions that hardly change the displacement.
-    """
-    gram = tangents.gram()
-    scale = np.sqrt(np.diag(gram))
-    scale[scale == 0] = 1.0
-    level, turn = np.linalg.eigh(gram / np.outer(scale, scale))
-    some = level > _MIN_SINGULAR**2 * level[-1]
-    return lambda left: (turn[:, some] @ (turn[:, some].T @ (tangents.pull(left) / scale) / level[some])) / scale
 
 
 def with_both_effects(here: Fitted, alone: Fitted, start: Fitted, stop: Stop) -> Fitted | None:

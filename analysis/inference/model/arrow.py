@@ -83,13 +83,6 @@ class Arrow:
             out[at] += block.T @ part
         return out
 
-    def gram(self) -> Floats:
-        """Return the transposed matrix times itself, shape (size, size)."""
-        out = np.zeros((self.size, self.size))
-        for block, at in zip(self.blocks, self.places, strict=True):
-            out[np.ix_(at, at)] += block.T @ block
-        return out
-
     def normal_matrix(self) -> NormalMatrix:
         """Return the transposed matrix times itself, shot by shot; every shot must have as many columns."""
         s = self.shared
@@ -152,41 +145,36 @@ class OrthonormalBasis:
 
     def projected_columns(self, columns: Arrow) -> "ProjectedColumns":
         """Return ``columns`` projected off the basis; cost: 2 n (k + s) multiply-adds per column and shot."""
-        gram = np.zeros((columns.size, columns.size))
-        along = np.zeros((self.shared[0].shape[1], columns.size))
-        norm = np.zeros(columns.size)
-        for own, shared, block, at in zip(self.own, self.shared, columns.blocks, columns.places, strict=True):
-            left = _projected_off(own, block)
-            gram[np.ix_(at, at)] += left.T @ left
-            along[:, at] += shared.T @ left
+        norm, s = np.zeros(columns.size), self.shared[0].shape[1]
+        for block, at in zip(columns.blocks, columns.places, strict=True):
             norm[at] += np.einsum("ij,ij->j", block, block)
-        return ProjectedColumns(columns, gram - along.T @ along, np.where(norm > 0.0, norm, 1.0))
+        left = columns.mapped(lambda k, block: _projected_off(self.own[k], block))
+        normal = left.with_shared(self.shared).normal_matrix()
+        basis, shared = slice(columns.shared, columns.shared + s), slice(columns.shared)
+        power = normal.diagonal[: columns.size]
+        power[normal.shared_at[shared]] -= np.sum(normal.shared[shared, basis] ** 2, axis=1)
+        power[normal.own_at] -= np.sum(normal.cross[:, :, basis] ** 2, axis=2)
+        return ProjectedColumns(columns, power, power > _SPANNED**2 * np.where(norm > 0.0, norm, 1.0), normal)
 
 
 @dataclass(frozen=True, slots=True)
 class ProjectedColumns:
-    """Columns projected off a basis: their ``products`` after, shape (size, size), and squared ``norm`` before."""
+    """Columns projected off a basis: their squared norm ``power`` after, and which are linearly independent of it.
+
+    ``normal`` is the matrix of the normal equations of the columns, followed by the basis vectors that shots share.
+    """
 
     columns: Arrow
-    products: Floats
-    norm: Floats
-
-    @property
-    def new(self) -> NDArray[np.bool_]:
-        """Get which columns are linearly independent of the basis, shape (size,)."""
-        return np.asarray(np.diag(self.products) > _SPANNED**2 * self.norm)
+    power: Floats
+    new: NDArray[np.bool_]
+    normal: NormalMatrix
 
     def solve(self, left: Floats) -> Floats:
         """Return the least-squares solution, shape (size,), for a residual ``left`` also projected off the basis."""
-        out = np.zeros(self.columns.size)
-        at = np.flatnonzero(self.new)
-        if at.size:
-            scale = np.sqrt(self.norm[at])
-            level, turn = np.linalg.eigh(self.products[np.ix_(at, at)] / np.outer(scale, scale))
-            kept = level > _ROUNDING * level[-1]
-            pull = turn.T @ (self.columns.pull(left)[at] / scale)
-            out[at] = turn[:, kept] @ (pull[kept] / level[kept]) / scale
-        return out
+        of_basis = np.zeros(self.normal.size - self.columns.size)  # ``left`` has no part along it
+        right = np.concatenate([self.columns.pull(left), of_basis])
+        free = np.concatenate([self.new, of_basis == 0.0])
+        return self.normal.least(right, free)[: self.columns.size]
 
 
 def _split(rows: Floats, like: Sequence[Floats]) -> list[Floats]:

@@ -6,7 +6,7 @@ the number of shots and not with its cube (Golub and Van Loan, "Matrix Computati
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -227,6 +227,29 @@ class NormalMatrix:
         out *= unit[:, None]
         return out
 
+    def least(self, right: Floats, free: NDArray[np.bool_]) -> Floats:
+        """Return the solution of ``solve``, about zero in directions singular to rounding.  Raises LinAlgError."""
+        solution = self.solve(right, free, _SINGULAR)
+        if solution is None:
+            raise np.linalg.LinAlgError("the derivatives are not finite")
+        return solution
+
+    def followed(self, places: Places, free: NDArray[np.bool_]) -> Floats:
+        """Return the motion of all parameters per motion of each of ``places``, shape (p, len(places)).
+
+        Those ``free`` follow to the least chi^2, the others stay.  Raises LinAlgError.
+        """
+        out = np.zeros((self.size, len(places)))
+        out[places, range(len(places))] = 1.0
+        for column in out.T:
+            column += self.least(-(self @ column), free)
+        return out
+
+    def renumbered(self, order: Places) -> "NormalMatrix":
+        """Return the matrix of the parameters in another ``order``, shape (p,), of their present indices."""
+        now = np.argsort(order)
+        return replace(self, shared_at=now[self.shared_at], own_at=now[self.own_at])
+
     def without_own(self, gradient: Floats) -> tuple[Floats, Floats, float]:
         """Return matrix and gradient of the shared parameters with the others re-optimised, and the fall of chi^2."""
         of_own = np.linalg.pinv(self.own, hermitian=True)
@@ -269,5 +292,5 @@ class Square:
 
     def followed(self, moved: Floats, own: Sequence[int]) -> Floats:
         """Return the first-order step that re-optimises the parameters at ``own`` after the others have ``moved``."""
-        pull = (self.gradient + self.curvature @ moved)[own]
-        return np.asarray(-np.linalg.pinv(self.curvature.dense()[np.ix_(own, own)], hermitian=True) @ pull)
+        free = np.isin(np.arange(moved.size), own)
+        return self.curvature.least(-(self.gradient + self.curvature @ moved), free)[own]

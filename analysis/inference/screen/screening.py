@@ -210,7 +210,7 @@ def _given_fit(at: Projector, bare: Sequence[Floats]) -> tuple[float, float, Flo
     columns = Arrow.of(bare, 0).whitened(at.problem.data.shots, at.noise)
     projected = at.basis.projected_columns(columns)
     numbers = projected.solve(at.left)
-    return float(numbers @ columns.pull(at.left)), float(projected.products[0, 0]), numbers
+    return float(numbers @ columns.pull(at.left)), float(projected.power[0]), numbers
 
 
 def _waves(at: Projector, kind: TrialEffect) -> list[Score]:

@@ -12,6 +12,7 @@ from analysis.collision.laws.curve import Basis, graded_basis
 from analysis.collision.laws.forms import FORMS, Form
 from analysis.diagnosis.learning.closed_forms import _bounds, _laid, fit_closed_forms, information, likely_forms
 from analysis.diagnosis.learning.curve_motion import Term
+from analysis.inference.model.normal_matrix import NormalMatrix
 
 BEND = next(one for one in ARGUMENTS if one.name == "bend against motion")  # the base model holds no part of it
 UNITS = np.array([1.0, 1e-7, 1e6])  # of base and starts, as far apart as m and N/m
@@ -21,7 +22,7 @@ def _learned(curve: NDArray[np.float64], known: float) -> Any:
     """Return a curve at 60 points from 0 to 2 mm whose coefficients the shots know ``known`` times as well as one."""
     basis = Basis(tuple(np.linspace(0.0, 2e-3, 6)))
     coefficients = np.linalg.lstsq(basis.design(np.linspace(0.0, 2e-3, 60)), curve, rcond=None)[0]
-    curvature = np.diag([1.0, *np.full(basis.count, known**2)])
+    curvature = NormalMatrix.of(np.diag([1.0, *np.full(basis.count, known**2)]))
     return SimpleNamespace(z=np.zeros(1), terms=(Term(BEND, basis, coefficients),), curvature=curvature, samples=400)
 
 
@@ -44,7 +45,8 @@ def test_base_and_starts_take_over_what_they_can_of_the_difference_whatever_thei
     by_curve = random.normal(size=(400, basis.count)) + by_base @ random.normal(size=(3, basis.count))
     whole = np.hstack([by_base / UNITS, by_curve])  # the shots' displacement by every number
     term = Term(BEND, basis, coefficients)
-    learned: Any = SimpleNamespace(z=np.zeros(3), terms=(term,), curvature=whole.T @ whole, samples=400)
+    curvature = NormalMatrix.of(whole.T @ whole)
+    learned: Any = SimpleNamespace(z=np.zeros(3), terms=(term,), curvature=curvature, samples=400)
 
     linear = next(found for found in fit_closed_forms(learned) if found.form.name == "linear")
     as_splines = np.linalg.lstsq(design, linear.form.values(argument, linear.parameters), rcond=None)[0]
@@ -63,7 +65,7 @@ def test_a_place_is_looked_for_all_over_the_range_that_was_visited(sign: int, na
     basis = Basis(tuple(np.sort(sign * np.linspace(0.0, 2e-3, 6))))
     force = 50.0 * np.maximum(0.0, np.abs(visited) - place_m)
     coefficients = np.linalg.lstsq(basis.design(visited), force, rcond=None)[0]
-    curvature = np.diag([1.0, *np.full(basis.count, 1e14)])
+    curvature = NormalMatrix.of(np.diag([1.0, *np.full(basis.count, 1e14)]))
     learned: Any = SimpleNamespace(
         z=np.zeros(1), terms=(Term(BEND, basis, coefficients),), curvature=curvature, samples=400
     )
@@ -134,7 +136,8 @@ def test_each_of_two_curves_is_read_beside_the_other(which: int) -> None:
     terms = [Term(BEND, basis, random.standard_normal(basis.count)) for basis in bases]
     size = 2 + sum(basis.count for basis in bases)
     whole = random.standard_normal((200, size))
-    learned: Any = SimpleNamespace(z=np.zeros(2), terms=tuple(terms), curvature=whole.T @ whole, samples=200)
+    curvature = NormalMatrix.of(whole.T @ whole)
+    learned: Any = SimpleNamespace(z=np.zeros(2), terms=tuple(terms), curvature=curvature, samples=200)
     found = fit_closed_forms(learned, which)
     assert [one.cost(200) for one in found] == sorted(one.cost(200) for one in found)
     linear = next(one for one in found if one.form.name == "linear")

@@ -69,14 +69,20 @@ def test_fixed_parameters_take_no_step() -> None:
 def test_damping_shortens_a_step() -> None:
     equations, term, rows = drawn(3)
     by, penalty, _ = equations.step((term,))
-    little, much = (equations.damped_step((term,), penalty, damping) for damping in (1e-12, 10.0))
+    free = np.ones(equations.columns.size, np.bool_)
+    little, much = (equations.damped_step((term,), penalty, damping, free) for damping in (1e-12, 10.0))
     assert little is not None and much is not None
     jacobian = rows[:, 1:]
     np.testing.assert_allclose(jacobian @ little, jacobian @ by, atol=1e-3)
     whole = np.pad(penalty, (equations.base, 0))
     curvature = jacobian.T @ jacobian + whole
     pull = jacobian.T @ rows[:, 0] - whole[:, equations.base :] @ term.coefficients
-    np.testing.assert_allclose((curvature + 10.0 * np.diag(np.diag(curvature))) @ much, pull, rtol=1e-6, atol=1e-6)
+    damped = curvature + 10.0 * np.diag(np.diag(curvature))
+    np.testing.assert_allclose(damped @ much, pull, rtol=1e-6, atol=1e-6)
+    free[[1, SHARED + 1]] = False  # one that all shots share, one of the first shot
+    fewer = equations.damped_step((term,), penalty, 10.0, free)
+    assert fewer is not None and not fewer[~free].any()
+    np.testing.assert_allclose(damped[np.ix_(free, free)] @ fewer[free], pull[free], rtol=1e-6, atol=1e-6)
 
 
 def test_a_motion_that_is_not_finite_has_no_equations() -> None:

@@ -57,7 +57,7 @@ def test_old_derivatives_lead_to_the_same_curve(before_law: FitWithMotions, monk
     assert few < many
     both = [np.concatenate([one.z, one.terms[0].coefficients]) for one in (kept, anew)]
     far = both[0] - both[1]
-    curvature = anew.curvature.copy()
+    curvature = anew.curvature.dense()
     curvature[anew.z.size :, anew.z.size :] += anew.penalty
     assert far @ curvature @ far < 0.5  # of chi^2: no number is further off than its standard deviation
     assert kept.bic == pytest.approx(anew.bic, abs=1.0)
@@ -131,7 +131,7 @@ def test_a_step_is_damped_until_it_leads_down(monkeypatch: pytest.MonkeyPatch) -
     penalty = 0.5 * np.eye(5)
     ends: dict[float, Any] = {}
 
-    def damped(equations: CurveEquations, terms: Any, of: Any, damping: float) -> Any:
+    def damped(equations: CurveEquations, terms: Any, of: Any, damping: float, free: Any) -> Any:
         assert equations.left.shape == (5,) and terms == (TERM,) and of is penalty
         return None if ends.get(damping) == "none" else moves + damping
 
@@ -252,7 +252,7 @@ def test_a_fit_of_curves_takes_its_steps_and_learns_the_noise_from_the_second_on
     assert [one[3] for one in walk.asked] == pytest.approx([0.0, 0.0, 1e-6, 1e-4])
     assert found.z[0] == 4.0 and found.problem.noise == 5.0 and not walk.fresh
     assert found.log_likelihood == -7.0 and found.freedom == 2.5 and found.terms == (TERM,)
-    np.testing.assert_allclose(found.curvature, np.ones((7, 7)) * 5 / 25.0)
+    np.testing.assert_allclose(found.curvature.dense(), np.ones((7, 7)) * 5 / 25.0)
     np.testing.assert_allclose(np.concatenate(found.residual_m), 1.0)
     moving = Walk(monkeypatch, *[(0.0, 9.0, 10.0)] * 4)
     # a frame's strengths are learned at the end alone

@@ -24,6 +24,7 @@ from analysis.diagnosis.learning.learned_law import (
     is_same_function,
     part_beyond_base,
 )
+from analysis.inference.model.normal_matrix import NormalMatrix
 from analysis.shot.quantity import Quantity
 
 BEND = next(one for one in ARGUMENTS if (one.where, one.name) == ("plate", "bend"))
@@ -94,7 +95,7 @@ def form_fit(name: str, bic: float, argument: Any = BEND, **values: float) -> Fo
     terms = (Term(PLACE, BASIS, np.zeros(BASIS.count)), Term(argument, BASIS, coefficients))
     penalties = 0.3 * np.eye(BASIS.count)
     learned: Any = SimpleNamespace(
-        terms=terms, freedom=3.5, z=np.zeros(3), curvature=root.T @ root,
+        terms=terms, freedom=3.5, z=np.zeros(3), curvature=NormalMatrix.of(root.T @ root),
         penalty_of=lambda which: penalties if which == -1 else None,
     )  # fmt: skip
     free = [

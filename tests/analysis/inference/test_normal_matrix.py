@@ -112,3 +112,26 @@ def test_the_parameters_of_each_shot_give_way_to_the_shared_ones() -> None:
     np.testing.assert_allclose(reduced / np.outer(scale, scale), expected / np.outer(scale, scale), rtol=1e-8)
     np.testing.assert_allclose(pull / scale, (gradient[shared] - into @ gradient[own]) / scale, rtol=1e-8)
     assert fall == pytest.approx(gradient[own] @ np.linalg.solve(whole[np.ix_(own, own)], gradient[own]), rel=1e-8)
+
+
+def test_free_parameters_follow_the_others_to_the_least_chi2_in_any_order() -> None:
+    matrix, whole = equations(6)
+    unit = np.sqrt(np.diag(whole))
+    scaled = whole / np.outer(unit, unit)
+    places = np.array([matrix.shared_at[0], matrix.own_at[2, 1]])
+    free = ~np.isin(np.arange(SIZE), [*places, matrix.own_at[0, 0]])
+    expected = np.zeros((SIZE, 2))
+    expected[places, [0, 1]] = 1.0
+    followed = np.linalg.solve(scaled[np.ix_(free, free)], -scaled[np.ix_(free, places)])
+    expected[free] = followed / unit[free][:, None] * unit[places]
+    np.testing.assert_allclose(matrix.followed(places, free) * unit[:, None], expected * unit[:, None], rtol=1e-8)
+    order = np.random.default_rng(7).permutation(SIZE)
+    np.testing.assert_array_equal(matrix.renumbered(order).dense(), matrix.dense()[np.ix_(order, order)])
+
+
+def test_a_parameter_that_moves_nothing_stays_and_what_is_not_finite_has_no_solution() -> None:
+    matrix, right = NormalMatrix.of(np.diag([2.0, 0.0])), np.array([1.0, 0.0])
+    free = np.ones(2, np.bool_)
+    np.testing.assert_allclose(matrix.least(right, free), [0.5, 0.0], rtol=1e-12)
+    with pytest.raises(np.linalg.LinAlgError, match="not finite"):
+        NormalMatrix.of(np.full((2, 2), np.nan)).least(right, free)

@@ -14,8 +14,8 @@ from analysis.inference.joint.weighted_model import ModelAtVector, WeightedModel
 from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.free_parameters import TrialEffect
 from analysis.inference.model.samples import Samples
+from analysis.inference.noise.estimate import LikelyStrengths, learn, likely_strengths
 from analysis.inference.noise.floor import Floor, LikeliestFloor
-from analysis.inference.noise.frame_strengths import LikelyStrengths, learn, likely_strengths
 from analysis.inference.screen import screening
 from analysis.inference.screen.columns import contribution_of
 from analysis.inference.screen.projector import Projector

@@ -23,7 +23,7 @@ from analysis.inference.joint.joint_data import (
 from analysis.inference.model.base import base_named, start_from_fit
 from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.samples import averaged_shots
-from analysis.inference.noise import frame_strengths
+from analysis.inference.noise import estimate
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.site import STILL_FRAME, site_of
 from analysis.inference.noise.sway import Sway, frame_response_of, with_plates
@@ -201,14 +201,14 @@ def test_how_far_a_held_out_shot_lies_off_is_not_how_far_the_building_moved_it()
 
 def test_strengths_are_the_likeliest_and_leave_white_noise() -> None:
     data, left = at_vc_d()
-    floor, value = frame_strengths.learn(left, data.shots, data.site)
+    floor, value = estimate.learn(left, data.shots, data.site)
     assert floor.white_m == pytest.approx(WHITE_M / math.sqrt(data.shots[0].factor), rel=0.05)
     for shot, rest in zip(data.shots, left, strict=True):
         white = shot.whitened(floor, rest[:, None])[:, 0]
         assert np.mean(white**2) == pytest.approx(1.0, abs=0.12)
     for scale in (0.9, 1.1):
         other = replace(floor, white_m=scale * floor.white_m)
-        assert frame_strengths.learn(left, data.shots, data.site, start=other)[1] == pytest.approx(value, abs=0.05)
+        assert estimate.learn(left, data.shots, data.site, start=other)[1] == pytest.approx(value, abs=0.05)
 
 
 def test_a_plate_known_to_swing_moves_as_the_effect_does() -> None:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from analysis.inference.noise import frame_strengths
+from analysis.inference.noise import estimate
 from analysis.inference.noise.floor import Floor
 from analysis.inference.noise.sway import shape_of
 from analysis.reading import RestrictedLikelihood
@@ -62,7 +62,7 @@ def written_down(at: np.ndarray, wander: float) -> float:
 
 def likelihood_under(wander: float) -> RestrictedLikelihood:
     places = np.arange(PARAMETERS)
-    shots = [frame_strengths._shot_under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
+    shots = [estimate._shot_under(a_shape(wander), columns, places, shot) for shot, columns in two_shots()]
     return RestrictedLikelihood(shots, np.pad(PRECISION, (1, 0)))
 
 
@@ -107,13 +107,13 @@ def test_motion_beyond_all_rounding_is_refused_in_words() -> None:
 
 def test_a_second_part_that_wanders_joins_the_first_as_it_is() -> None:
     one = Floor(1.0, (3.0, 0.0), (4e-3, 1e-2), 5e-5)
-    two = frame_strengths._with_a_part(one, 2, 5e-2)
+    two = estimate._with_a_part(one, 2, 5e-2)
     assert (two.rms_m[0], two.tau_s) == (3.0, (4e-3, 5e-2))
     assert two.rms_m[1] * math.sqrt(2 * 5e-5 / 5e-2) == pytest.approx(0.2)  # what a sample adds over the white noise
-    first = frame_strengths._with_a_part(one, 1, 5e-4)
+    first = estimate._with_a_part(one, 1, 5e-4)
     assert first.rms_m[1] == 0.0 and first.tau_s[0] == 5e-4
-    z = frame_strengths._coordinates(two, 2)
-    again = frame_strengths._shape_at(z, two.spacing_s)
+    z = estimate._coordinates(two, 2)
+    again = estimate._shape_at(z, two.spacing_s)
     assert again.rms_m == pytest.approx(two.rms_m) and again.tau_s == pytest.approx(two.tau_s)
 
 
@@ -122,11 +122,11 @@ def test_the_vertex_of_a_parabola_and_what_it_gains(place: float) -> None:
     def value(x: float) -> float:
         return 7.0 - 1.5 * (x - place) ** 2
 
-    found, gain = frame_strengths._vertex(value(-1.0), value(0.0), value(1.0))
+    found, gain = estimate._vertex(value(-1.0), value(0.0), value(1.0))
     assert found == pytest.approx(place) and gain == pytest.approx(1.5 * place**2)
     # three sides away at most, and there where the parabola opens upwards
-    assert frame_strengths._vertex(0.0, 0.9, 2.0) == (3.0, pytest.approx(3.0 * (1.0 + 0.5 * 3.0 * 0.2)))
-    far, gain = frame_strengths._vertex(8.0, 4.0, 0.1)
+    assert estimate._vertex(0.0, 0.9, 2.0) == (3.0, pytest.approx(3.0 * (1.0 + 0.5 * 3.0 * 0.2)))
+    far, gain = estimate._vertex(8.0, 4.0, 0.1)
     assert far == -3.0 and gain > 0.0
 
 
@@ -134,7 +134,7 @@ def test_a_shape_is_a_floor_in_units_of_its_white_noise() -> None:
     floor = Floor(2.0, (6.0, 8.0), (1e-3, 2e-2), 5e-5, (0.1, 0.2))
     assert shape_of(floor) == Floor(1.0, (3.0, 4.0), (1e-3, 2e-2), 5e-5)
     assert shape_of(floor, 1) == Floor(1.0, (3.0, 0.0), (1e-3, 2e-2), 5e-5)
-    far = frame_strengths._shape_at(np.array([0.0, math.log(1e-9), 0.0, math.log(1e3)]), 5e-5)
+    far = estimate._shape_at(np.array([0.0, math.log(1e-9), 0.0, math.log(1e3)]), 5e-5)
     assert far.tau_s == pytest.approx((3e-4, 1.0))
     found = shape_of(floor).with_logarithms(np.array([math.log(9.0), 0.5, -0.5]))
     assert found.white_m == pytest.approx(3.0) and found.rms_m == pytest.approx((9.0, 12.0))
@@ -143,7 +143,7 @@ def test_a_shape_is_a_floor_in_units_of_its_white_noise() -> None:
 
 def test_neighbouring_bands_differ_little_beforehand_and_lines_stand_alone() -> None:
     site = SimpleNamespace(bands=4, random_bands=2)
-    prior = frame_strengths._prior(site)
+    prior = estimate._prior(site)
     # (6, 6, 2, 2) for each, and one for the difference of the two random ones
     expected = np.diag([0.0, 1 / 36 + 1, 1 / 36 + 1, 1 / 4, 1 / 4])
     expected[1, 2] = expected[2, 1] = -1.0

@@ -5,7 +5,7 @@ directions of frame motion the whitened covariance is then one plus each band's 
 log strengths have a normal prior about the values read from the flights: neighbouring bands are strongly correlated,
 their common level is nearly free, and each line is near the strength read.  For a given shape of the wandering parts,
 strengths and white noise follow by Fisher scoring over all shots.  The shape is found by parabolic line searches.
-Without frame motion ``floor.likeliest_floor`` estimates white noise and wandering parts alone.
+Without frame motion ``likeliest_floor`` estimates white noise and wandering parts alone.
 """
 
 import math

@@ -1,5 +1,5 @@
 from .worker_process import ProcessEnded, WorkerProcess, lower_priority
-from .worker_thread import Task, Work, WorkerThread, beside, raise_in_thread, start_thread
+from .worker_thread import Task, Work, WorkerThread, beside, start_thread
 
 __all__ = [
     "ProcessEnded",
@@ -9,6 +9,5 @@ __all__ = [
     "WorkerThread",
     "beside",
     "lower_priority",
-    "raise_in_thread",
     "start_thread",
 ]

@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
-from analysis.fitted import fit_pending
+from analysis.fitted import fit_pending, unfitted
 from analysis.shot import AnalysisError, Cancelled, Progress, Recording, Shot, Stop
-from instrument.background import Task, WorkerThread, raise_in_thread
+from instrument.background import Task, WorkerThread
 from instrument.files import one_line
 
 Analyse = Callable[[Recording, Progress, Stop], Shot]  # (recording, progress, cancelled?) -> shot
@@ -43,7 +43,7 @@ class AnalysisThread:
     def __init__(self, analysis: ShotAnalysis, done: Done) -> None:
         self._analysis = analysis
         self._done = done
-        self._worker = WorkerThread[Task]("analysis", partial(_hand_over, done))
+        self._worker = WorkerThread[Task]("analysis")
         self.start, self.close = self._worker.start, self._worker.close
         self.steps = 0  # how often progress was reported
 
@@ -66,10 +66,8 @@ class AnalysisThread:
         if task is not None:
             task.cancel()
 
-    def _analyse(
-        self, key: int, held: list[Recording], report: Progress, cancelled: Stop
-    ) -> tuple[int, Shot | None, str | None]:
-        """Return the arguments of the last ``done``; ``held`` is emptied: a file closes with its last reference."""
+    def _analyse(self, key: int, held: list[Recording], report: Progress, cancelled: Stop) -> None:
+        """Analyse the recording; ``held`` is emptied: a file closes with its last reference."""
 
         def progress(what: str, share: float) -> None:
             report(what, share)
@@ -78,23 +76,9 @@ class AnalysisThread:
         shot, problem, _ = _attempt(partial(self._analysis.analyse, held.pop(), progress, cancelled))
         if shot is not None and fit_pending(shot):
             self._done(key, shot, problem)
-            shot = _fitted_or_not(shot, partial(self._analysis.fit, shot, progress, cancelled))
-        return key, shot, problem
-
-
-def _hand_over(done: Done, task: Task) -> None:
-    if task.result is not None:  # else it was cancelled before it began
-        done(*task.result)
-    raise_in_thread(task)
-
-
-def _fitted_or_not(shot: Shot, fit: Callable[[], Shot]) -> Shot:
-    fitted, why, stopped = _attempt(fit)
-    if fitted is not None:
-        return fitted
-    from analysis.fitted import unfitted  # imported late, as in fit_here
-
-    return unfitted(shot, why or "the fit failed", stopped=stopped)
+            whole, why, stopped = _attempt(partial(self._analysis.fit, shot, progress, cancelled))
+            shot = whole or unfitted(shot, why or "the fit failed", stopped=stopped)
+        self._done(key, shot, problem)
 
 
 def _attempt(step: Callable[[], Shot]) -> tuple[Shot | None, str | None, bool]:

@@ -186,16 +186,10 @@ def _passes(lowest, highest, state):  # type: ignore[no-untyped-def]
 def _first_step(counts, column, edge, least, state):  # type: ignore[no-untyped-def]
     """Advance ``state`` over counts[:, column] sample by sample; return the first triggering step, -1 for none."""
     given = state[_LOW] == state[_LOW]
-    level = int(state[_LEVEL])
-    minimum = state[_MINIMUM]
-    maximum = state[_MAXIMUM]
-    seen = int(state[_SEEN])
-    previous = state[_PREVIOUS]
-    squares = state[_SQUARES]
-    swing = state[_SWING]
     found = -1
     for i in range(counts.shape[0]):
         value = float(counts[i, column])
+        level = int(state[_LEVEL])
         step = 0
         if given:
             if value >= state[_HIGH]:
@@ -205,45 +199,33 @@ def _first_step(counts, column, edge, least, state):  # type: ignore[no-untyped-
             if step == level:
                 step = 0
             elif level == 0:  # the first level is not a step
-                level = step
+                state[_LEVEL] = step
                 step = 0
         else:
-            if seen == 0:
-                minimum = value
-                maximum = value
-            if swing == 0.0:
+            if state[_SEEN] == 0.0:
+                state[_MINIMUM] = state[_MAXIMUM] = value
+            if state[_SWING] == 0.0:
                 # differences of neighbours measure the noise independently of level and slope
-                if seen > 0:
-                    squares += (value - previous) ** 2
-                if seen == LEARNED_FROM:
-                    swing = max(least, _NOISES * np.sqrt(0.5 * squares / LEARNED_FROM))
-                    minimum = value
-                    maximum = value
-            if value < minimum:
-                minimum = value
-            if value > maximum:
-                maximum = value
-            if swing > 0.0:
-                if level <= 0 and value >= minimum + swing:
+                if state[_SEEN] > 0.0:
+                    state[_SQUARES] += (value - state[_PREVIOUS]) ** 2
+                if state[_SEEN] == LEARNED_FROM:
+                    state[_SWING] = max(least, _NOISES * np.sqrt(0.5 * state[_SQUARES] / LEARNED_FROM))
+                    state[_MINIMUM] = state[_MAXIMUM] = value
+            state[_MINIMUM] = min(state[_MINIMUM], value)
+            state[_MAXIMUM] = max(state[_MAXIMUM], value)
+            if state[_SWING] > 0.0:
+                if level <= 0 and value >= state[_MINIMUM] + state[_SWING]:
                     step = 1
-                elif level >= 0 and value <= maximum - swing:
+                elif level >= 0 and value <= state[_MAXIMUM] - state[_SWING]:
                     step = -1
-        previous = value
-        seen += 1
+        state[_PREVIOUS] = value
+        state[_SEEN] += 1.0
         if step != 0:
-            level = step
-            minimum = value
-            maximum = value
-            state[_EDGES] += 1
+            state[_LEVEL] = step
+            state[_MINIMUM] = state[_MAXIMUM] = value
+            state[_EDGES] += 1.0
             if found < 0 and (edge == 0 or edge == step):
                 found = i
-    state[_LEVEL] = level
-    state[_MINIMUM] = minimum
-    state[_MAXIMUM] = maximum
-    state[_SEEN] = seen
-    state[_PREVIOUS] = previous
-    state[_SQUARES] = squares
-    state[_SWING] = swing
     return found
 
 

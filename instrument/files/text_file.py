@@ -141,17 +141,22 @@ class CheckedTable:
         self.used.add(key)
         return self.values.get(key)
 
+    def _typed(self, key: str, kind: Any, what: str) -> Any:
+        """Return a value of this type, None if the key is missing; of another the error says it "is not" ``what``."""
+        value = self.get(key)
+        if value is not None and (isinstance(value, bool) or not isinstance(value, kind)):
+            raise self.error_for(key, f"{shown(value)} is not {what}")
+        return value
+
     def unread(self) -> dict[str, Any]:
         """Return the values that were not read, so that they can be written back."""
         return {key: value for key, value in self.values.items() if key not in self.used}
 
     def number(self, key: str, low: float, high: float) -> float | None:
         """Return a finite number in [low, high], None if the key is missing."""
-        value = self.get(key)
+        value = self._typed(key, int | float, "a number")
         if value is None:
             return None
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise self.error_for(key, f"{shown(value)} is not a number")
         try:
             real = float(value)
         except OverflowError:
@@ -182,23 +187,15 @@ class CheckedTable:
 
     def text(self, key: str, longest: int = 10_000) -> str | None:
         """Return a string, None if the key is missing."""
-        value = self.get(key)
-        if value is None:
-            return None
-        if not isinstance(value, str):
-            raise self.error_for(key, f"{shown(value)} is not text")
-        if len(value) > longest:
+        value: str | None = self._typed(key, str, "text")
+        if value is not None and len(value) > longest:
             raise self.error_for(key, f"longer than {longest} characters")
         return value
 
     def object(self, key: str) -> "CheckedTable | None":
         """Return the object under ``key``, None if it is missing."""
-        value = self.get(key)
-        if value is None:
-            return None
-        if not isinstance(value, dict):
-            raise self.error_for(key, f"{shown(value)} is not an object")
-        return CheckedTable(self.path, value, f"{self.place}.{key}" if self.place else key)
+        value = self._typed(key, dict, "an object")
+        return None if value is None else CheckedTable(self.path, value, f"{self.place}.{key}" if self.place else key)
 
     def required_object(self, key: str) -> "CheckedTable":
         """Return the object under ``key``; a missing one is an error."""
@@ -209,18 +206,11 @@ class CheckedTable:
 
     def objects(self, key: str) -> "list[CheckedTable] | None":
         """Return the list of objects under ``key``, None if it is missing."""
-        value = self.get(key)
+        value = self._typed(key, list, "a list")
         if value is None:
             return None
-        if not isinstance(value, list):
-            raise self.error_for(key, f"{shown(value)} is not a list")
-        place = f"{self.place}.{key}" if self.place else key
-        checked = []
-        for index, item in enumerate(value):
-            if not isinstance(item, dict):
-                raise self.error_for(f"{key}[{index}]", f"{shown(item)} is not an object")
-            checked.append(CheckedTable(self.path, item, f"{place}[{index}]"))
-        return checked
+        items = CheckedTable(self.path, {f"{key}[{index}]": item for index, item in enumerate(value)}, self.place)
+        return [items.required_object(place) for place in items.values]
 
     def names(self, key: str, kind: type = str) -> tuple[Any, ...]:
         """Return the texts (or whole numbers) listed under ``key``; empty if it is missing."""
@@ -245,7 +235,7 @@ class CheckedTable:
             if name in own:
                 values[name] = own[name](self)
             elif self.get(name) is not None:
-                values[name] = self._typed(name, types[name])
+                values[name] = self._field(name, types[name])
                 setting = setting_of(field)
                 try:
                     if setting is not None:
@@ -258,7 +248,7 @@ class CheckedTable:
                 values[name] = None
         return kind(**values)
 
-    def _typed(self, name: str, kind: Any) -> Any:
+    def _field(self, name: str, kind: Any) -> Any:
         """Return the value under ``name`` as the type of its field."""
         if get_origin(kind) is UnionType:  # a type or None, which stands for a missing key
             kind = next(part for part in get_args(kind) if part is not type(None))

@@ -10,8 +10,9 @@ from urllib.parse import unquote
 from analysis.collision import PAPER
 from analysis.shot import Role, Setup
 from instrument.devices.digitizer import DigitizerError
-from instrument.devices.sources import RIG
 from instrument.files import shown
+
+RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wavelength_air_m"}  # option -> Setup
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,13 +14,13 @@ How to add one: docs/add-a-digitizer.md.
 import importlib
 import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
-if TYPE_CHECKING:
-    from instrument.devices.digitizer import Digitizer
+from instrument.devices.digitizer import Digitizer, DigitizerError
+from instrument.devices.source_options import RIG, SourceOptions
+from instrument.files import shown
 
-RIG = {"mass": "moving_mass_kg", "rest": "rest_frequency_hz", "wavelength": "wavelength_air_m"}  # option -> Setup
 PUSH = ("speed", "added", "first")
 
 
@@ -111,12 +111,8 @@ def source_words() -> str:
     return f"{', '.join(texts[:-1])} or {texts[-1]}"
 
 
-def open_source(text: str) -> "Digitizer":
+def open_source(text: str) -> Digitizer:
     """Open the digitizer of a source's ``text``.  Raises DigitizerError, also for an invalid source or option."""
-    from instrument.devices.digitizer import DigitizerError
-    from instrument.devices.source_options import SourceOptions
-    from instrument.files import shown
-
     source = source_of(text)
     rest = text.strip()[len(source.name) :]
     remedy = f"use one of {', '.join(source.text for source in SOURCES)}"
@@ -133,8 +129,6 @@ def open_source(text: str) -> "Digitizer":
 
 def import_function(name: str) -> Any:
     """Return the function named "folder.module:function".  Raises DigitizerError if a package is missing."""
-    from instrument.devices.digitizer import DigitizerError
-
     module, _, function = name.partition(":")
     try:
         return getattr(importlib.import_module(f"..{module}", __package__), function)

@@ -158,9 +158,8 @@ def _channel(path: Path, mapped: MappedChannel, column: ForeignColumn, into: np.
     values = column.values[: into.size]
     try:
         counts, unit_per_count, offset = to_counts(values)
-    except NotFinite as error:
-        cause = f"sample {error.args[0]} is not a finite number"
-        raise RecordingError(path, cause, mapped.name) from None
+    except ValueError as error:
+        raise RecordingError(path, str(error), mapped.name) from None
     into[:] = counts
     volts, shift = mapped.volts_per_unit, mapped.offset_v
     if volts is None:
@@ -205,15 +204,12 @@ _RAIL = 32767
 _CLIPPED_RATIO = 4.0  # clipped: also more than this many times as many samples at the extreme as at the next level
 
 
-class NotFinite(ValueError):
-    """A sample that is not a finite number; ``args[0]`` is its index."""
-
-
 def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
     """Return (counts, unit_per_count, offset), value = counts * unit_per_count + offset, for values of shape (n,).
 
     Wider numbers are rounded to 1/64000 of the range they span, which is below the noise of any 12-bit digitizer.
-    An extreme at which the values are clipped becomes the rail of the counts.  Raises NotFinite.
+    An extreme at which the values are clipped becomes the rail of the counts.  Raises ValueError for NaN and
+    infinity.
     """
     kind = values.dtype
     if kind == np.int16 or kind == np.int8:
@@ -223,7 +219,7 @@ def to_counts(values: Column) -> tuple[NDArray[np.int16], float, float]:
         return (values.astype(np.int32) - middle).astype(np.int16), 1.0, float(middle)
     low, high = float(values.min()), float(values.max())
     if not (np.isfinite(low) and np.isfinite(high)):
-        raise NotFinite(int(np.argmin(np.isfinite(values))))
+        raise ValueError(f"sample {np.argmin(np.isfinite(values))} is not a finite number")
     offset, half = 0.5 * low + 0.5 * high, 0.5 * high - 0.5 * low
     if half / _RAIL < np.finfo(np.float64).tiny:  # constant, or a step too small to divide by
         return np.zeros(values.size, np.int16), 1.0, offset

@@ -25,7 +25,7 @@ from instrument.files.foreign_file import (
     read_mapping,
     write_mapping,
 )
-from instrument.files.foreign_reading import NotFinite, foreign_channels, foreign_columns, read_foreign, to_counts
+from instrument.files.foreign_reading import foreign_channels, foreign_columns, read_foreign, to_counts
 from instrument.files.recording_error import RecordingError
 from instrument.files.recording_file import open_recording
 from instrument.files.recording_search import find_recordings, is_motion_record
@@ -275,9 +275,8 @@ def test_counts_hold_the_volts_to_half_a_step_and_see_clipping() -> None:
         counts, unit, offset = to_counts(values)
         assert (unit, offset) == (1.0, middle) and np.array_equal(counts.astype(int) + middle, values.astype(int))
     for first in (1, 3):
-        with pytest.raises(NotFinite) as refusal:
+        with pytest.raises(ValueError, match=f"^sample {first} is not a finite number$"):
             to_counts(np.where(np.arange(6) < first, 1.0, np.inf))
-        assert refusal.value.args == (first,)
     assert to_counts(np.full(9, 3.5))[1:] == (1.0, 3.5) and np.all(to_counts(np.full(9, 3.5))[0] == 0)
     least = 2 * 32767 * np.finfo(np.float64).tiny  # of which a count is the smallest number there is
     assert to_counts(np.array([0.0, 0.9 * least]))[0].tolist() == [0, 0]

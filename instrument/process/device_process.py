@@ -24,7 +24,7 @@ class DeviceProcess:
     def __init__(self, opener: Opener, give_up: Callable[[], bool], open_s: float) -> None:
         """Start the child and wait up to ``open_s`` until it has opened the digitizer.
 
-        ``give_up`` as in ``request``.  Raises DigitizerError.
+        ``give_up`` as in ``answer_to``.  Raises DigitizerError.
         """
         self._sending = threading.Lock()  # orders are sent in the order of their numbers
         self._serial = OPENED
@@ -34,8 +34,8 @@ class DeviceProcess:
         except (OSError, ValueError) as error:
             raise DigitizerError(f"the digitizer's process did not start: {error}", "close other programs") from error
         try:
-            self._wait_for(STARTED, START_S, give_up, None)
-            self._wait_for(OPENED, open_s, give_up, None)
+            self.answer_to(STARTED, START_S, give_up)
+            self.answer_to(OPENED, open_s, give_up)
         except DigitizerError:
             self.end()
             raise
@@ -64,21 +64,34 @@ class DeviceProcess:
                 raise DigitizerError("the digitizer's process is gone", _REMEDY) from error
             return self._serial
 
-    def request(
+    def answer_to(
         self,
-        kind: str,
+        serial: int,
         limit_s: float,
-        settings: CaptureSettings | None = None,
-        ring: tuple[str, int, int] | None = None,
-        *,
         give_up: Callable[[], bool] = lambda: False,
         patience_s: float | None = None,
     ) -> Answer | None:
-        """Send an order and return its answer.  Raises DigitizerError for a fault of the device or for no answer.
+        """Return the answer to the order ``serial``.  Raises DigitizerError for a fault of the device or for no answer.
 
         Returns None once ``give_up()`` is True; with ``patience_s`` the child then has that long before it is ended.
         """
-        return self._wait_for(self.send(kind, settings, ring), limit_s, give_up, patience_s)
+        end = time.monotonic() + limit_s
+        given_up = False
+        while True:
+            if not given_up and give_up():
+                if patience_s is None:
+                    return None
+                given_up, end = True, min(end, time.monotonic() + patience_s)
+            message = self.receive(min(_LOOK_S, limit_s))
+            if isinstance(message, Answer) and message.serial == serial:
+                if message.fault is not None:
+                    raise message.fault
+                return message
+            if message is None and time.monotonic() > end:
+                if not given_up:
+                    raise self.end_silent()
+                self.end(0.0)
+                raise DigitizerError("the arming was given up", _REMEDY)
 
     def receive(self, timeout_s: float) -> Answer | BlockReady | None:
         """Return the next message, None if none comes in time.  Raises DigitizerError if the child is gone."""
@@ -100,24 +113,3 @@ class DeviceProcess:
         """End a child that does not answer, and return the error to raise."""
         self.end(0.0)
         return DigitizerError("the digitizer does not answer", "arm again; if it stays silent, re-plug it first")
-
-    def _wait_for(
-        self, serial: int, limit_s: float, give_up: Callable[[], bool], patience_s: float | None
-    ) -> Answer | None:
-        end = time.monotonic() + limit_s
-        given_up = False
-        while True:
-            if not given_up and give_up():
-                if patience_s is None:
-                    return None
-                given_up, end = True, min(end, time.monotonic() + patience_s)
-            message = self.receive(min(_LOOK_S, limit_s))
-            if isinstance(message, Answer) and message.serial == serial:
-                if message.fault is not None:
-                    raise message.fault
-                return message
-            if message is None and time.monotonic() > end:
-                if not given_up:
-                    raise self.end_silent()
-                self.end(0.0)
-                raise DigitizerError("the arming was given up", _REMEDY)

@@ -84,13 +84,13 @@ class SubprocessDigitizer(Digitizer):
     def prepare(self) -> None:
         """Prepare the device in the child; ``stop`` ends the waiting."""
         with self._exchange:
-            self._child.request("prepare", PREPARE_S, give_up=self._stopped.is_set)
+            self._child.answer_to(self._child.send("prepare"), PREPARE_S, self._stopped.is_set)
 
     def default_settings(self) -> CaptureSettings | None:
         with self._exchange:
             if self._child.over:
                 self._child = DeviceProcess(self._opener, lambda: False, self._arm_s)
-            answer = self._child.request("defaults", self._arm_s)
+            answer = self._child.answer_to(self._child.send("defaults"), self._arm_s)
         return answer.settings if answer is not None else None
 
     def arm(self, settings: CaptureSettings) -> None:
@@ -104,11 +104,12 @@ class SubprocessDigitizer(Digitizer):
             if self._child.over:
                 self._forget_ring()
                 self._child = DeviceProcess(self._opener, give_up, self._arm_s)
-                self._child.request("prepare", PREPARE_S, give_up=give_up, patience_s=ANSWER_S)
+                self._child.answer_to(self._child.send("prepare"), PREPARE_S, give_up, ANSWER_S)
             where, ring = self._ring_for(settings), self._ring
             assert ring is not None
             try:
-                answer = self._child.request("arm", self._arm_s, settings, where, give_up=give_up, patience_s=ANSWER_S)
+                order = self._child.send("arm", settings, where)
+                answer = self._child.answer_to(order, self._arm_s, give_up, ANSWER_S)
             finally:
                 ring.unlink()  # both processes have attached it, or never will: it is freed when they end
             assert answer is not None and answer.blocks is not None

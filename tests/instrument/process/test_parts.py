@@ -292,12 +292,12 @@ def test_an_order_is_waited_for_until_its_answer_its_limit_or_a_giving_up(
         return give_up_s is not None and child.now >= give_up_s - 1e-9
 
     if ends in ("answer", "nothing"):
-        found = child._wait_for(4, 2.0, given_up, patience_s)
+        found = child.answer_to(4, 2.0, given_up, patience_s)
         assert (found is None) == (ends == "nothing") and child.ended == []
         assert found is None or found.serial == 4
     else:
         with pytest.raises(DigitizerError, match=ends):
-            child._wait_for(4, 2.0, given_up, patience_s)
+            child.answer_to(4, 2.0, given_up, patience_s)
         assert child.ended == ([] if ends == "jammed" else [0.0])
     assert set(child.waits) == {0.1}  # between two looks for a giving up
     if ends.startswith("the arming"):
@@ -322,17 +322,6 @@ def test_a_child_that_ended_by_itself_is_told_with_its_status_or_its_signal(
     with pytest.raises(DigitizerError, match=rf"process ended by itself \({how}\): arm again"):
         DeviceProcess.receive(child, 0.0)
     assert context.did[-2:] == [("join", 1.0), "close"] and child.over and child._process.exit_code == code
-
-
-def test_a_request_is_an_order_and_the_wait_for_its_answer() -> None:
-    child, asked = Waiting([]), []  # type: ignore[var-annotated]
-    child.send = lambda *order: asked.append(order) or 9  # type: ignore[assignment, func-returns-value, method-assign]
-    child._wait_for = lambda *how: asked.append(how) or "answer"  # type: ignore[assignment, func-returns-value, method-assign]
-    settings = CaptureSettings(1e6, 100, 10)
-    found = child.request("arm", 3.0, settings, ("ring", 5, 2), give_up=all, patience_s=2.0)  # type: ignore[arg-type]
-    assert found == "answer" and asked == [("arm", settings, ("ring", 5, 2)), (9, 3.0, all, 2.0)]
-    child.request("stop", 4.0)
-    assert asked[2] == ("stop", None, None) and (asked[3][:2], asked[3][3]) == ((9, 4.0), None) and not asked[3][2]()
 
 
 def test_a_device_tells_its_state_or_the_fault_that_hides_it_anew_each_time() -> None:
@@ -418,12 +407,13 @@ def test_what_is_left_of_a_stream_is_none_of_the_next(ring: SharedRing, refused:
     parent, buffer = Parent(ring, [BlockReady(5, 0, Block(7))]), np.zeros((5, 2), np.int16)
     assert parent.read_into(buffer, 0.0).samples == 5
 
-    def request(kind: str, *of: object, **how: object) -> Answer:
+    def answer_to(order: int, *how: object) -> Answer:
         if refused:
             raise DigitizerError("too fast", "choose a lower rate")
         return Answer(8, None, blocks=3)
 
-    parent._arm_s, parent._child.request = 1.0, request  # type: ignore[method-assign, assignment]
+    parent._arm_s, parent._child.send = 1.0, lambda *order: 8  # type: ignore[method-assign, assignment]
+    parent._child.answer_to = answer_to  # type: ignore[method-assign, assignment]
     parent._ring_for = lambda settings: None  # type: ignore[method-assign]
     if refused:
         with pytest.raises(DigitizerError, match="too fast"):
@@ -439,11 +429,11 @@ def test_a_device_s_process_is_started_with_one_end_of_each_pipe_and_ended_by_fo
     alive: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     context, waited = Context(monkeypatch, alive), []  # type: ignore[var-annotated]
-    monkeypatch.setattr(DeviceProcess, "_wait_for", lambda child, *how: waited.append(how))
+    monkeypatch.setattr(DeviceProcess, "answer_to", lambda child, *how: waited.append(how))
     made = DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
     ends = ["opener", "first reads", "second writes"]
     assert context.did == [(child_module.serve, ends, "levimass digitizer"), ("start", True)]
-    assert waited == [(STARTED, 60.0, len, None), (OPENED, 7.0, len, None)]
+    assert waited == [(STARTED, 60.0, len), (OPENED, 7.0, len)]
     assert context.closed == ends[1:] and made._process.messages.end == "second reads"  # type: ignore[attr-defined]
     context.did.clear()
     made.end()
@@ -462,7 +452,7 @@ def test_a_device_that_does_not_open_leaves_no_process_and_one_that_does_not_sta
             raise DigitizerError("jammed")
 
     context = Context(monkeypatch)
-    monkeypatch.setattr(DeviceProcess, "_wait_for", jammed)
+    monkeypatch.setattr(DeviceProcess, "answer_to", jammed)
     with pytest.raises(DigitizerError, match="jammed"):
         DeviceProcess("opener", len, 7.0)  # type: ignore[arg-type]
     assert context.did[-2:] == [("join", 5.0), "close"] and set(context.closed[2:]) == {"first writes", "second reads"}
@@ -860,16 +850,16 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
     asked: list[Any] = []
     settings_asked = CaptureSettings(2e6, 7, 3)
 
-    def request(kind: str, limit_s: float, *what: Any, give_up: Any = None, patience_s: float | None = None) -> Answer:
-        asked.append((kind, limit_s, *what, give_up is not None and give_up(), patience_s))
-        return Answer(8, None, None, settings_asked, 3)
+    def answer_to(order: int, limit_s: float, give_up: Any = None, patience_s: float | None = None) -> Answer:
+        asked.append((limit_s, give_up is not None and give_up(), patience_s))
+        return Answer(order, None, None, settings_asked, 3)
 
     class Started(SimpleNamespace):
         def __init__(self, opener: Any, give_up: Any, open_s: float) -> None:
             asked.append((opener, give_up(), open_s))
             device = SimpleNamespace(capabilities=FakeDigitizer().capabilities)
-            super().__init__(device=device, over=False, request=request, end=lambda: asked.append("end"))
-            self.send = lambda kind: asked.append(kind)
+            super().__init__(device=device, over=False, answer_to=answer_to, end=lambda: asked.append("end"))
+            self.send = lambda *order: asked.append(order) or 8
 
     made = SimpleNamespace(
         name="ring",
@@ -885,24 +875,26 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
     asked.clear()
     opened.stop()
     opened.prepare()  # given up at once
-    assert asked == ["stop", ("prepare", 300.0, True, None)]
+    assert asked == [("stop",), ("prepare",), (300.0, True, None)]
     asked.clear()
-    assert opened.default_settings() == settings_asked and asked == [("defaults", 12.0, False, None)]
+    assert opened.default_settings() == settings_asked and asked == [("defaults",), (12.0, False, None)]
     asked.clear()
     opened.arm(ONE)
     ring = ("ring", made.capacity, 3)
-    assert asked == [("arm", 12.0, ONE, ring, False, 5.0), "unlink"] and (opened._run, opened._blocks) == (8, 3)
+    assert asked == [("arm", ONE, ring), (12.0, False, 5.0), "unlink"] and (opened._run, opened._blocks) == (8, 3)
     opened._child.over = True
     for ask, known in (
-        (opened.default_settings, [("opener", False, 12.0), ("defaults", 12.0, False, None)]),
+        (opened.default_settings, [("opener", False, 12.0), ("defaults",), (12.0, False, None)]),
         (
             lambda: opened.arm(ONE),
             [
                 "unlink",
                 "unmap",
                 ("opener", False, 12.0),
-                ("prepare", 300.0, False, 5.0),
-                ("arm", 12.0, ONE, ring, False, 5.0),
+                ("prepare",),
+                (300.0, False, 5.0),
+                ("arm", ONE, ring),
+                (12.0, False, 5.0),
             ],
         ),
     ):
@@ -912,6 +904,6 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
         assert asked[: len(known)] == known
     asked.clear()
     opened.close()
-    assert asked == ["close", "end", "unlink", "unmap"]
+    assert asked == [("close",), "end", "unlink", "unmap"]
     with pytest.raises(DigitizerError, match="the digitizer was closed: select the source again"):
         opened.arm(ONE)

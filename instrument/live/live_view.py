@@ -81,8 +81,6 @@ class LiveWindow:
         bins = max(0, (self._values.shape[1] - begin) // self.bin_points)
         kept = self._values[:, begin : begin + bins * self.bin_points].reshape(4, bins, self.bin_points)
         pairs = np.stack((kept.min(axis=2), kept.max(axis=2)), axis=2).reshape(4, 2 * bins)
-        if self.bin_points == 1:
-            pairs = np.ascontiguousarray(pairs[:, ::2])
         pairs.flags.writeable = False
         return pairs[0], pairs[1], pairs[2], pairs[3]
 

@@ -160,9 +160,7 @@ class StreamReader:
         if block.lost_before != 0 and block.samples > 0:
             stream.note_loss(first, block.lost_before)
         ring.commit(block.samples)
-        if block.fired and block.samples == 0:
-            return ReadBlock(view[:0], first, 0, None, block.ended, fired=True)
-        if block.samples == 0 and not block.ended:
+        if block.samples == 0 and not block.ended and not block.fired:
             if not self.hardware_trigger and not self.simulated and now - self._received_s > STALL_S:
                 raise self._stalled()
             return None
@@ -174,7 +172,7 @@ class StreamReader:
         step = self._step(block, counts)
         if block.ended:
             self.running = False
-        return ReadBlock(counts, first, block.lost_before, step, block.ended)
+        return ReadBlock(counts, first, block.lost_before, step, block.ended, block.fired and not block.samples)
 
     def _step(self, block: Block, counts: NDArray[np.int16]) -> int | None:
         """Return the trigger's index in the counts: by the device if it has a trigger, else by switch or motion."""

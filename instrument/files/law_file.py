@@ -7,13 +7,11 @@ from instrument.files.atomic_file import write_toml_atomic
 from instrument.files.recording_error import RecordingError, system_message
 from instrument.files.text_file import read_toml
 
-LARGEST_BYTES = 64 * 1024
-
 
 def read_law(path: Path) -> UserLaw:
     """Read a law.  Raises RecordingError."""
     try:
-        return law_from_table(read_toml(path, LARGEST_BYTES))
+        return law_from_table(read_toml(path))
     except LawError as error:
         raise RecordingError(path, str(error)) from None
 

@@ -53,8 +53,7 @@ def read_text(path: Path, largest_bytes: int) -> str:
         except OSError as error:
             raise FileNotReached(path, system_message(error)) from None
     if len(raw) > largest_bytes:
-        room = f"{largest_bytes // 2**20} MiB" if largest_bytes >= 2**20 else f"{largest_bytes // 2**10} KiB"
-        raise RecordingError(path, f"larger than {room}")
+        raise RecordingError(path, f"larger than {largest_bytes // 2**20} MiB")
     try:
         return raw.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -75,14 +74,14 @@ def read_json(path: Path) -> dict[str, Any]:
     return value
 
 
-def read_toml(path: Path, largest_bytes: int = LARGEST_TOML_BYTES) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
     """Return the TOML table in ``path``.  Raises RecordingError."""
-    return _parsed(path, read_toml_text(path, largest_bytes), "TOML", tomllib.loads)
+    return _parsed(path, read_toml_text(path), "TOML", tomllib.loads)
 
 
-def read_toml_text(path: Path, largest_bytes: int = LARGEST_TOML_BYTES) -> str:
+def read_toml_text(path: Path) -> str:
     """Return the text of a TOML file if it can be parsed in bounded time.  Raises RecordingError."""
-    text = read_text(path, largest_bytes)
+    text = read_text(path, LARGEST_TOML_BYTES)
     if max(part.count(".") for part in _BETWEEN_NAMES.split(text)) > _MAX_PARTS:
         raise RecordingError(path, f"not TOML that can be read (a name of more than {_MAX_PARTS} parts)")
     return text

@@ -78,7 +78,7 @@ def test_what_is_sound_is_read(tmp_path: Path) -> None:
     [
         ("a.json", read_json, 16 * 2**20, "larger than 16 MiB"),
         ("a.toml", read_toml, 2**20, "larger than 1 MiB"),
-        ("a.toml", read_law, 64 * 2**10, "larger than 64 KiB"),
+        ("a.toml", read_law, 2**20, "larger than 1 MiB"),
         ("a.csv", foreign_channels, 2 * 2**30, "larger than 2048 MiB"),
         ("a.wav", foreign_channels, 4 * 2**30, "larger than 4 GiB"),
     ],

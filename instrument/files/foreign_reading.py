@@ -143,11 +143,8 @@ def _format(path: Path) -> str:
     kind = format_of(path)
     if kind is None:
         raise RecordingError(path, f"no format this program reads; it reads SigMF and {', '.join(sorted(FORMATS))}")
-    descriptor = open_regular(path)  # refuses a pipe, on which the readers would hang
-    try:
-        size = os.fstat(descriptor).st_size
-    finally:
-        os.close(descriptor)
+    with os.fdopen(open_regular(path)) as file:  # refuses a pipe, on which the readers would hang
+        size = os.fstat(file.fileno()).st_size
     if size > LARGEST_FILE_BYTES:
         raise RecordingError(path, f"larger than {LARGEST_FILE_BYTES // 2**30} GiB")
     return kind

@@ -103,8 +103,5 @@ def _reserve(name: str, size: int) -> None:
     file = _FILES / name.lstrip("/")
     if not (hasattr(os, "posix_fallocate") and file.exists()):
         return
-    handle = os.open(file, os.O_RDWR)
-    try:
-        os.posix_fallocate(handle, 0, size)
-    finally:
-        os.close(handle)
+    with file.open("r+b") as memory:
+        os.posix_fallocate(memory.fileno(), 0, size)

@@ -1,7 +1,6 @@
 """Load and save the settings: atomic writes, a last good copy, and a start even with a damaged file."""
 
 import contextlib
-import json
 import os
 from collections.abc import Sequence
 from dataclasses import fields, replace
@@ -11,7 +10,15 @@ from typing import cast
 from analysis.shot import AIR, AnalysisSettings
 from app.session.settings import MAX_ADDRESSES, Settings, WrongSettings
 from instrument.devices import source_of
-from instrument.files import RecordingError, copy_permissions, one_line, read_json, replace_file, shown, sync_folder
+from instrument.files import (
+    RecordingError,
+    copy_permissions,
+    one_line,
+    read_json,
+    shown,
+    write_atomic,
+    write_json_atomic,
+)
 from levimass import Value
 
 VERSION = 1
@@ -27,7 +34,8 @@ def load(path: Path) -> tuple[Settings, list[str]]:
             settings, unknown = _read(candidate)
         except (RecordingError, WrongSettings) as error:
             words.append(f"The settings in {candidate.name} could not be read ({one_line(str(error), 400)})")
-            _set_aside(candidate)
+            with contextlib.suppress(OSError):  # the next start reports the file again
+                os.replace(candidate, candidate.with_name(candidate.name + ".unreadable"))
             continue
         if unknown:
             words.append(f"Settings unknown to this version are ignored: {', '.join(unknown)}")
@@ -41,22 +49,14 @@ def load(path: Path) -> tuple[Settings, list[str]]:
 
 def save(path: Path, settings: Settings) -> str | None:
     """Save the settings; the former file becomes the last good copy.  Returns an error message, or None."""
-    document = {"levimass_settings": VERSION, **settings.values()}
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.new")  # another window may be saving too
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("w", encoding="utf-8") as file:
-            copy_permissions(temporary, path)
-            json.dump(document, file, indent=1)
-            file.flush()
-            os.fsync(file.fileno())
-        with contextlib.suppress(FileNotFoundError):  # there is no file yet, or another window has just moved it
-            replace_file(path, _last_good(path))
-        replace_file(temporary, path)
-        sync_folder(path.parent)
-    except OSError as error:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+        if path.exists():
+            _last_good(path).touch(mode=0o600)  # a private file stays private in its copy
+            write_atomic(_last_good(path), [path.read_bytes()], sync=True)
+            copy_permissions(_last_good(path), path)
+        write_json_atomic(path, {"levimass_settings": VERSION, **settings.values()}, sync=True)
+    except (OSError, RecordingError) as error:
         return f"The settings could not be saved: {error}"
     return None
 
@@ -76,13 +76,6 @@ def _read(path: Path) -> tuple[Settings, list[str]]:
 
 def _last_good(path: Path) -> Path:
     return path.with_name(path.name + ".last-good")
-
-
-def _set_aside(path: Path) -> None:
-    try:
-        os.replace(path, path.with_name(path.name + ".unreadable"))
-    except OSError:
-        return  # the next start reports the file again
 
 
 MAX_RECENT = 12

@@ -15,10 +15,9 @@ from analysis.collision import Effect
 from analysis.diagnosis import Candidate, Diagnosis
 from analysis.fitted import fit_jointly
 from analysis.shot import AnalysisError, Floats, Progress, Shot, Stop
-from app.session.jobs import Job, JobQueues
+from app.session.jobs import LOW_PRIORITY, Job, JobQueues
 
 MOST = 6  # most candidates fitted: effects found, then the next best
-KIND = "why"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +38,7 @@ def candidate_residual(
     shots: Sequence[Shot], base: str, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop
 ) -> CandidateResidual:
     """Return the residual of a joint fit with these effects; the last of them is the candidate."""
+    progress("fit with this candidate", 0.0)
     try:
         fit = fit_jointly(shots, base, effects, cancelled)
     except AnalysisError:
@@ -100,14 +100,8 @@ class CandidateResiduals:
     def _ask(self, diagnosis: Diagnosis, effect: Effect) -> None:
         effects = (*diagnosis.fit_before.effects, effect)
         fitting = partial(candidate_residual, self._shots, diagnosis.fit_before.model, effects)
-
-        def work(report: Progress, cancelled: Stop) -> CandidateResidual:
-            report("fit with this candidate", 0.0)
-            made: CandidateResidual = self._work.run_long(fitting, report, cancelled)
-            return made
-
-        self._job = self._work.jobs.submit(
-            effect.words, work, KIND, self._take, lambda why: self._ended(effect, again=why is None)
+        self._job = self._work.submit_long(
+            effect.words, fitting, LOW_PRIORITY, self._take, lambda why: self._ended(effect, again=why is None)
         )
 
     def _take(self, found: CandidateResidual) -> None:

@@ -15,7 +15,7 @@ from instrument.background import Task, Work, WorkerThread
 from instrument.process import SubprocessWorker
 
 ESTIMATE_AFTER_S, MIN_FRACTION = 2.0, 0.05  # least elapsed time and fraction done for an estimated remaining time
-PREEMPTED_KINDS = ("why",)  # kinds of low-priority jobs, which any other job cancels
+LOW_PRIORITY = "why"  # kind of the jobs that any other job cancels
 OnResult = Callable[[Any], object]
 OnFailure = Callable[[str | None], object]  # with the reason; None: the job was cancelled
 
@@ -88,9 +88,8 @@ class Jobs(WorkerThread[Job]):
         self, name: str, work: Work, kind: str = "", take: OnResult | None = None, failed: OnFailure | None = None
     ) -> Job:
         """Queue a job; ``work`` is called as work(report, cancelled) and returns the result."""
-        if kind not in PREEMPTED_KINDS:
-            for low in PREEMPTED_KINDS:
-                self.cancel(low)  # the window queues it again when needed
+        if kind != LOW_PRIORITY:
+            self.cancel(LOW_PRIORITY)  # the window queues it again when needed
         return self.add(Job(name, work, kind=kind, take=take, failed=failed))
 
     @property
@@ -153,15 +152,17 @@ class JobQueues:
         self.jobs, self.short_jobs = Jobs(), Jobs()
         self._subprocess_worker = subprocess_worker
 
-    def run_long(self, work: Callable[..., Any], report: Progress, cancelled: Stop) -> Any:
-        """Run the long part of a job in the subprocess, or here without one; called in the jobs' thread."""
-        if self._subprocess_worker is not None:
-            return self._subprocess_worker.run(work, report, cancelled)
-        return work(progress=report, cancelled=cancelled)
-
-    def submit_long(self, name: str, work: Callable[..., Any], kind: str, take: OnResult) -> None:
+    def submit_long(
+        self, name: str, work: Callable[..., Any], kind: str, take: OnResult, failed: OnFailure | None = None
+    ) -> Job:
         """Queue long work, which is called with the keywords ``progress`` and ``cancelled``."""
-        self.jobs.submit(name, partial(self.run_long, work), kind, take)
+
+        def run(report: Progress, cancelled: Stop) -> Any:
+            if self._subprocess_worker is not None:
+                return self._subprocess_worker.run(work, report, cancelled)
+            return work(progress=report, cancelled=cancelled)
+
+        return self.jobs.submit(name, run, kind, take, failed)
 
     def cancel_session_jobs(self) -> None:
         """Cancel all jobs on the shots of this session and discard their results."""

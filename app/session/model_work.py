@@ -119,19 +119,14 @@ class ModelWork:
         number, shot = entry.number, entry.shot
         assert shot is not None
         effects = self._effects_for(shot)
-        fitting = partial(refit_shot, shot, effects)
-
-        def work(report: Progress, cancelled: Stop) -> object:
-            report(f"fitting {entry.name}", 0.0)
-            return self._work.run_long(fitting, report, cancelled)
-
-        name, take = f"refit of {entry.name} with the changed model", partial(self._take_fit, number, shot, effects)
-        job = self._work.jobs.submit(name, work, "refit", take)
+        fitting, take = partial(refit_shot, shot, effects), partial(self._take_fit, number, shot, effects)
+        job = self._work.submit_long(f"refit of {entry.name} with the changed model", fitting, "refit", take)
         self._pending[number] = _PendingFit(job, shot, effects)
 
 
 def refit_shot(shot: Shot, effects: tuple[Effect, ...], *, progress: Progress, cancelled: Stop) -> Shot:
     """Return the shot refitted with these effects."""
+    progress(f"fitting {shot.name}", 0.0)
     return fit_shot(shot, effects, cancelled)
 
 

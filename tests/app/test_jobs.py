@@ -168,7 +168,8 @@ def test_results_of_a_session_are_dropped_once_another_is_open_and_failures_are_
             assert job.done.wait(10)
         assert list(work.collect_results()) == ["three: 'missing'"]
         assert sorted(taken) == [2, 4] and list(work.collect_results()) == []
-        assert work.run_long(lambda progress, cancelled: (progress, cancelled), "report", "stop") == ("report", "stop")
+        long = work.submit_long("long", lambda progress, cancelled: (progress("half", 0.5), cancelled()), "", print)
+        assert long.done.wait(10) and (long.what, long.fraction, long.result) == ("half", 0.5, (None, False))
     finally:
         assert work.close()
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.shot import AnalysisError, Shot
-from instrument.files import RecordingError, check_writable, one_line, write_text_atomic
+from instrument.files import RecordingError, check_writable, error_words, one_line, write_text_atomic
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,13 +64,13 @@ def problem_line(path: str, problem: str) -> str:
 
 
 def error_line(error: Exception, otherwise: object) -> str:
-    """Return one line with file and cause of an error; ``otherwise`` is named if the error names no file."""
+    """Return one line with file and cause of an error; ``otherwise`` is named if the error names no file.
+
+    An unexpected exception is a fault of the program, and the line says so.
+    """
     if isinstance(error, OSError):
         return f"{error.filename or otherwise}: {error.strerror or error}"
-    text = str(error)
-    return text if isinstance(error, RecordingError) else f"{otherwise}: {text}"
-
-
-def program_fault(error: Exception) -> AnalysisError:
-    """Wrap an unexpected exception as a reported fault of this program, so that other outputs are still written."""
-    return AnalysisError(f"a fault of the program: {type(error).__name__}: {' '.join(str(error).split())}")
+    if isinstance(error, RecordingError):
+        return str(error)
+    fault = "" if isinstance(error, AnalysisError) else f"a fault of the program: {type(error).__name__}: "
+    return f"{otherwise}: {fault}{error_words(error)}"

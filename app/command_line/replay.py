@@ -25,7 +25,6 @@ from app.command_line.outputs import (
     check_outputs,
     error_line,
     json_text,
-    program_fault,
     say,
     say_problem,
     write_json,
@@ -167,11 +166,9 @@ def _or_said(work: Callable[[], Result], lacking: str) -> Result | None:
     """Return the result of ``work``; after a failure print a line beginning with ``lacking`` and return None."""
     try:
         return work()
-    except AnalysisError as error:
-        say(f"{lacking}: {error}")
     except Exception as error:  # the shots' own results are still written
-        say(f"{lacking}: {program_fault(error)}")
-    return None
+        say(error_line(error, lacking))
+        return None
 
 
 def _say_drift(known: SavedModel, diagnosis: Diagnosis) -> None:
@@ -252,13 +249,10 @@ def _written(write: Callable[[], object], where: object) -> bool:
     """Call ``write`` and return whether it succeeded; report a failure in one line on standard error."""
     try:
         write()
-    except (RecordingError, OSError) as error:
-        say(error_line(error, where))
     except Exception as error:
-        say(error_line(program_fault(error), where))
-    else:
-        return True
-    return False
+        say(error_line(error, where))
+        return False
+    return True
 
 
 def plan_shots(

@@ -20,7 +20,7 @@ from analysis.shot.shot import AnalysisError, AnalysisSettings
 from app.command_line import acquire, doctor, machine, outputs, replay, resolve
 from app.command_line.cli import main, prepared_command, reach_of
 from app.command_line.options import COMMANDS, PLAN, WINDOW
-from app.command_line.outputs import Outputs, check_outputs, error_line, problem_line, program_fault
+from app.command_line.outputs import Outputs, check_outputs, error_line, problem_line
 from app.command_line.parser import command_of, command_parser, flat_parser, parse, settings_from
 from app.command_line.replay import ReplayRequest
 from app.session.model_in_use import write_model
@@ -352,7 +352,7 @@ def test_errors_are_one_line_with_the_file_in_it(tmp_path, capsys):
         RecordingError(path, "why"), "z"
     )
     assert problem_line("/a/b.csv", "b.csv: spoilt") == "b.csv: spoilt" and problem_line("/a/b", "no") == "/a/b: no"
-    assert str(program_fault(ValueError("a\n b"))) == "a fault of the program: ValueError: a b"
+    assert error_line(ValueError("a\n b"), "z") == "z: a fault of the program: ValueError: a b"
     check_outputs("-", None, None)
     check_outputs(str(tmp_path / "r.json"), tmp_path / "new" / "er", tmp_path / "r.html")
     assert (tmp_path / "new" / "er").is_dir()

@@ -87,10 +87,10 @@ def _replay(options: argparse.Namespace) -> Run:
     outputs = Outputs(options.json, options.export, options.hdf5, options.report, options.save_model)
     how = {"model": options.model, "settings": settings_from(options), "checked": not options.unchecked}
     if options.jobs is not None or options.scheduler is not None:
-        from app.command_line.run_campaign import WorkerChoice, campaign
+        from app.command_line.run_campaign import campaign
 
-        workers = WorkerChoice(options.jobs, options.scheduler, options.insecure)
-        return partial(campaign, options.replay, workers, outputs, **how)
+        how |= {name: getattr(options, name) for name in ("jobs", "scheduler", "insecure")}
+        return partial(campaign, options.replay, outputs, **how)
     from app.command_line.replay import ReplayRequest, replay
 
     request = ReplayRequest(

@@ -5,7 +5,7 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from analysis.report import SCHEMA
@@ -21,26 +21,20 @@ from instrument.files import RecordingError, find_recordings, write_text_atomic
 TASKS_PER_WORKER = 4  # tasks queued per worker, so that no worker waits
 
 
-@dataclass(frozen=True, slots=True)
-class WorkerChoice:
-    """Workers: ``jobs`` local processes or a dask ``scheduler``; ``insecure`` permits a remote one without TLS."""
-
-    jobs: int | None
-    scheduler: str | None
-    insecure: bool = False
-
-
 def campaign(
     paths: Sequence[Path],
-    workers: WorkerChoice,
     outputs: Outputs,
     *,
+    jobs: int | None,
+    scheduler: str | None,
+    insecure: bool,
     model: str | None,
     settings: AnalysisSettings,
     checked: bool = True,
 ) -> int:
     """Analyse every shot under ``paths``; return the exit status.
 
+    The workers are ``jobs`` local processes or those of a dask ``scheduler``; ``insecure`` permits one without TLS.
     Finished shots are recorded in a journal in the export folder (or next to the result file), and the next call
     skips them.  Shots that were not reached are not recorded.  There is no joint diagnosis.  ``checked`` compares the
     data with their hash, which takes a third of the time.
@@ -51,37 +45,34 @@ def campaign(
         check_outputs(outputs.json, outputs.export)
         settings = replace(settings, effects=known.effects if known else ())
         tasks = tasks_of(found, known.base if known else model, settings, outputs.export, checked=checked)
-        with contextlib.closing(_journal(outputs.json, outputs.export, tasks)) as journal:
-            if journal.unreadable_lines:
-                say(_unreadable_words(journal.path, journal.unreadable_lines))
+        with contextlib.closing(_journal(outputs, tasks)) as journal:
+            if lines := journal.unreadable_lines:
+                which = "a line is" if lines == 1 else f"{lines} lines are"
+                say(f"{journal.path}: {which} damaged and ignored; their shots are analysed again")
             todo = [task for task in tasks if task.stamp not in journal]
             _repeat_problems(tasks, journal)
             not_reached: dict[str, str] = {}
             if todo:
-                with contextlib.closing(_worker_pool(workers, todo)) as pool:
+                with contextlib.closing(_worker_pool(jobs, scheduler, insecure, todo)) as pool:
                     not_reached = _run(pool, todo, journal, already=len(tasks) - len(todo))
-            return _write_results(found, tasks, journal, not_reached, outputs.json, outputs.export)
+            return _write_results(found, tasks, journal, not_reached, outputs)
     except (AnalysisError, RecordingError, OSError) as error:
-        say(error_line(error, model or workers.scheduler or outputs.export))
+        say(error_line(error, model or scheduler or outputs.export))
         return 1
 
 
-def _journal(json_to: str | None, export_to: Path | None, tasks: Sequence[Task]) -> Journal:
-    by_result = Path(json_to + ".journal") if json_to and json_to != "-" else None
-    return Journal(export_to / JOURNAL if export_to is not None else by_result, {task.stamp for task in tasks})
+def _journal(outputs: Outputs, tasks: Sequence[Task]) -> Journal:
+    by_result = Path(outputs.json + ".journal") if outputs.json and outputs.json != "-" else None
+    path = outputs.export / JOURNAL if outputs.export is not None else by_result
+    return Journal(path, {task.stamp for task in tasks})
 
 
-def _worker_pool(workers: WorkerChoice, todo: Sequence[Task]) -> WorkerPool:
-    if workers.scheduler is None:
-        return ProcessPool(workers.jobs or 1)
+def _worker_pool(jobs: int | None, scheduler: str | None, insecure: bool, todo: Sequence[Task]) -> WorkerPool:
+    if scheduler is None:
+        return ProcessPool(jobs or 1)
     from app.command_line.campaign.cluster import Cluster  # needs the optional dask.distributed
 
-    return Cluster(workers.scheduler, todo, say, insecure=workers.insecure)
-
-
-def _unreadable_words(path: Path | None, lines: int) -> str:
-    which = "a line is" if lines == 1 else f"{lines} lines are"
-    return f"{path}: {which} damaged and ignored; their shots are analysed again"
+    return Cluster(scheduler, todo, say, insecure=insecure)
 
 
 def _repeat_problems(tasks: Sequence[Task], journal: Journal) -> None:
@@ -122,8 +113,7 @@ def _write_results(
     tasks: Sequence[Task],
     journal: Journal,
     not_reached: dict[str, str],
-    json_to: str | None,
-    export_to: Path | None,
+    outputs: Outputs,
 ) -> int:
     """Write the result files, with one shot in memory at a time, and print the counts; return the exit status."""
 
@@ -134,13 +124,13 @@ def _write_results(
             entry["shot"]["path"] = entry["row"][1] = str(path)  # as given on the command line
             yield entry
 
-    if export_to is not None:
-        write_table(shot_columns(), (entry["row"] for entry in entries()), export_to / "shots.csv")
-    if json_to and json_to != "-":
-        write_text_atomic(Path(json_to), _result_text(entries()), sync=True)
+    if outputs.export is not None:
+        write_table(shot_columns(), (entry["row"] for entry in entries()), outputs.export / "shots.csv")
+    if outputs.json and outputs.json != "-":
+        write_text_atomic(Path(outputs.json), _result_text(entries()), sync=True)
     missed = sum(task.stamp not in journal for task in tasks)
     failures = sum(entry["shot"]["status"] == "failed" for entry in entries()) - missed
-    if json_to == "-":
+    if outputs.json == "-":
         for piece in _result_text(entries()):
             print(piece, end="")
     else:

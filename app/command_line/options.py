@@ -45,12 +45,6 @@ _positive = _from(5e-324, float, "not a positive number")
 _positive_int = _from(1, int, "not a positive whole number")
 
 
-def _sources() -> str:
-    from instrument.devices import source_words
-
-    return source_words()
-
-
 def _numbers(text: str) -> tuple[float, ...]:
     try:
         found = sorted({float(part) for part in text.split(",")})
@@ -78,14 +72,13 @@ class Version(argparse.Action):
         parser.exit()
 
 
-@dataclass(frozen=True, slots=True)
-class _LazyText:
-    """Part of a help text that is computed when argparse prints the help."""
-
-    words: Callable[[], str] | None
+class _Sources:
+    """The forms of all sources as text, made when argparse prints the help, because their import is slow."""
 
     def __str__(self) -> str:
-        return self.words() if self.words is not None else ""
+        from instrument.devices import source_words
+
+        return source_words()
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +90,7 @@ class Option:
     metavar: str = ""
     parse: Parsed | None = None
     more: Mapping[str, Any] = field(default_factory=dict)
-    later: Callable[[], str] | None = None  # returns the text for "%(later)s" when the help is printed
+    later: object = ""  # its text is put for "%(later)s" when the help is printed
 
     @property
     def key(self) -> str:
@@ -111,7 +104,7 @@ class Option:
         else:
             named = names or (self.flag,)
             action = to.add_argument(*named, type=self.parse, metavar=self.metavar, help=self.help, **self.more)
-            action.later = _LazyText(self.later)
+            action.later = self.later
 
 
 _OPTIONAL = {"nargs": "?", "const": ""}
@@ -187,7 +180,7 @@ GROUPS = (
         Option("--figures", "draw figures 4 to 7, PNG and SVG", "DIR", _path),
     )),
     Group("with --acquire", ("acquire",), (
-        Option("--source", "%(later)s", "SOURCE", str, later=_sources),
+        Option("--source", "%(later)s", "SOURCE", str, later=_Sources()),
         Option("--out", "folder for the recordings", "DIR", _path),
         Option("--rate", "sample rate", "HZ", _positive),
         Option("--samples", "samples per channel and shot", "N", _positive_int),

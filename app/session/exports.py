@@ -108,10 +108,8 @@ class Exports:
         entries = [e for e in self._entries(numbers) if e.shot is not None]
         shots = [entry.shot for entry in entries if entry.shot is not None]
         chosen, effects = {e.number for e in entries}, self._session.effects
-        found = self._diagnoses.of(sorted(chosen))
-        same = found is not None and chosen == set(found.numbers)
-        diagnosis = found.diagnosis if found is not None and same else None
-        self._submit("model file", partial(save_model, path, shots, effects, diagnosis))
+        same = (found.diagnosis for found in reversed(self._diagnoses) if set(found.numbers) == chosen)
+        self._submit("model file", partial(save_model, path, shots, effects, next(same, None)))
 
     def _entries(self, numbers: Sequence[int]) -> list[Entry]:
         """Return these entries, or all entries if none of them is in the session."""

@@ -65,10 +65,8 @@ class NextShots:
         shots = self._workbench.session.shots(found.numbers)
         left = max(0, MAX_SHOTS - len(steps))
         work = partial(plan_next, shots, found.diagnosis, tuple(steps), left=left, reach=self._store.settings.reach)
-        self._workbench.submit_long("next shot", work, PLAN, partial(self._take_plan, frozenset(found.numbers)))
-
-    def _take_plan(self, numbers: frozenset[int], state: PlanningState) -> None:
-        self._plans[numbers] = state
+        take = partial(self._plans.__setitem__, frozenset(found.numbers))
+        self._workbench.submit_long("next shot", work, PLAN, take)
 
     def take(self, found: Diagnosed) -> None:
         """Arm for the plan's next shot; on the simulated bench also set its speed and weights."""

@@ -6,14 +6,12 @@ code, even of the same version.  The recording is then analysed again.
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 from analysis.diagnosis import Diagnosis
 from analysis.shot import AnalysisSettings, Progress, Shot, Stop, program_version, version_and_digest
-from app.session.jobs import Jobs
 from app.session.result_archive import NotStorable, head_of, packed, unpacked
 from app.session.verdict_basis import Diagnosed
 from instrument.files import RecordingError, is_foreign, read_metadata, recording_stem, write_atomic
@@ -21,6 +19,7 @@ from instrument.files import RecordingError, is_foreign, read_metadata, recordin
 SCHEMA = "levimass.kept/2"
 MAX_BYTES = 2_000_000_000  # size of the whole cache; the oldest files are deleted first
 MAX_A_FILE = 200_000_000
+CachedShot = tuple[Shot, str]  # and the version of the program that analysed it
 MOTION_RECORD_SUFFIXES = (".csv", ".tsv", ".toml")  # endings of the files of a motion record
 
 
@@ -42,14 +41,6 @@ class Key:
         return replace(self, settings=replace(self.settings, effects=())).text
 
 
-@dataclass(frozen=True, slots=True)
-class CachedShot:
-    """A shot from the cache, and the version of the program that analysed it."""
-
-    shot: Shot
-    version: str
-
-
 class ResultCache:
     """Cache files in one folder; every method may be called from any thread and raises nothing."""
 
@@ -64,6 +55,10 @@ class ResultCache:
         head = {"key": key.text, "stamp": _stamp(Path(shot.path))}
         self._write(f"shot-{_short(key.text)}.npz", head, shot)
 
+    def shots(self, keys: Mapping[int, Key], _: Progress, cancelled: Stop) -> dict[int, CachedShot | None]:
+        """Return the cached shots of these entries, None where there is none; the work of a job."""
+        return {number: None if cancelled() else self.shot(key) for number, key in keys.items()}
+
     def shot(self, key: Key) -> CachedShot | None:
         """Return the cached shot of an unchanged recording, or None."""
         file = self._folder / f"shot-{_short(key.text)}.npz"
@@ -74,7 +69,7 @@ class ResultCache:
             shot = unpacked(file)
         except NotStorable:
             return None
-        return CachedShot(shot, str(head.get("version"))) if isinstance(shot, Shot) else None
+        return (shot, str(head.get("version"))) if isinstance(shot, Shot) else None
 
     def store_diagnosis(self, diagnosis: Diagnosis, of: Sequence[Key]) -> None:
         keys = [key.bare for key in of]
@@ -158,45 +153,3 @@ def _stamp(path: Path) -> list[object]:
     except (OSError, RecordingError) as error:
         return [str(error)]
     return stamp
-
-
-AT_ONCE = 10  # cached results read by one job
-
-
-class CacheWork:
-    """Queues short jobs that read and write the cache."""
-
-    def __init__(self, results: ResultCache, short_jobs: Jobs) -> None:
-        self._results, self._short_jobs = results, short_jobs
-
-    def keep(self, shot: Shot) -> None:
-        """Queue the storing of an analysed shot."""
-        self._short_jobs.submit("saving results to the cache", lambda _, __: self._results.store_shot(shot), "keep")
-
-    def store_diagnosis(self, found: Diagnosed, keys: Sequence[Key]) -> None:
-        """Queue the storing of a diagnosis; ``keys`` belong to its entries, in the same order."""
-        if len(keys) == len(found.numbers):
-            self._short_jobs.submit(
-                "saving a diagnosis to the cache",
-                lambda _, __: self._results.store_diagnosis(found.diagnosis, keys),
-                "keep",
-            )
-
-    def ask(
-        self,
-        keys: Mapping[int, Key],
-        take_shots: Callable[[dict[int, CachedShot | None]], None],
-        take_diagnoses: Callable[[list[Diagnosed]], None],
-    ) -> None:
-        """Queue the reading of these entries' results, last entry first, because the session opens at its last shot."""
-        numbers = list(keys)[::-1]
-        for start in range(0, len(numbers), AT_ONCE):
-            some = numbers[start : start + AT_ONCE]
-            reading = partial(self._shots, {number: keys[number] for number in some})
-            self._short_jobs.submit("reading cached results", reading, "kept", take_shots)
-        self._short_jobs.submit(
-            "reading cached diagnoses", lambda _, __: self._results.diagnoses(keys), "kept", take_diagnoses
-        )
-
-    def _shots(self, keys: Mapping[int, Key], _: Progress, cancelled: Stop) -> dict[int, CachedShot | None]:
-        return {number: None if cancelled() else self._results.shot(key) for number, key in keys.items()}

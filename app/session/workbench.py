@@ -20,7 +20,7 @@ from app.session.jobs import Event, EventKind, JobQueues, OnResult, Saver
 from app.session.load import load_and_analyse, unanalysed
 from app.session.model_in_use import OwnLaws
 from app.session.model_work import ModelWork
-from app.session.result_cache import CachedShot, CacheWork, Key, ResultCache
+from app.session.result_cache import CachedShot, Key, ResultCache
 from app.session.session import Session
 from app.session.session_files import Unlisted, listed_by, lock_session, named_session, own_session, unlisted
 from app.session.settings import correction_words
@@ -31,6 +31,7 @@ from instrument.capture import CapturedShot
 from instrument.files import RecordingError, find_recordings, recording_stem, rewrite_note
 from instrument.process import SubprocessWorker
 
+AT_ONCE = 10  # cached results read by one job
 MAX_NAMED = 6  # most shots listed in the name of a running diagnosis
 SAVE_AGAIN_S = 5.0  # interval between attempts to save a session that could not be saved
 
@@ -66,7 +67,7 @@ class Workbench:
         self._work = JobQueues(subprocess_worker)
         self.jobs, self.short_jobs, self.submit_long = self._work.jobs, self._work.short_jobs, self._work.submit_long
         self.model = ModelWork(session, self._work, self._notify, self._changed)
-        self._kept = CacheWork(results, self.short_jobs) if results is not None else None
+        self._results = results
         self._usual = session.path.parent if session.path is not None else None
         self.diagnoses = Diagnoses()
         self.candidate_residuals = CandidateResiduals(self._work)
@@ -133,14 +134,23 @@ class Workbench:
         return len(found)
 
     def read_unread(self) -> None:
-        """Queue the reading of a reopened session's entries, from the cache if one is given."""
+        """Queue the reading of a reopened session's entries, from the cache if one is given.
+
+        The last entry is read from the cache first, because the session opens at its last shot.
+        """
         unread = [entry for entry in self.session.entries if entry.shot is None and entry.path is not None]
-        if self._kept is not None:
-            keys = {entry.number: self._key(entry) for entry in unread}
-            self._kept.ask(keys, self._take_cached, self._take_cached_diagnoses)
+        if (results := self._results) is None:
+            for entry in unread:
+                self._submit_fill(entry)
             return
-        for entry in unread:
-            self._submit_fill(entry)
+        keys = {entry.number: self._key(entry) for entry in unread}
+        newest = list(keys.items())[::-1]
+        for start in range(0, len(newest), AT_ONCE):
+            reading = partial(results.shots, dict(newest[start : start + AT_ONCE]))
+            self.short_jobs.submit("reading cached results", reading, "kept", self._take_cached)
+        self.short_jobs.submit(
+            "reading cached diagnoses", lambda _, __: results.diagnoses(keys), "kept", self._take_cached_diagnoses
+        )
 
     def _key(self, entry: Entry) -> Key:
         """Return the cache key of an entry's result."""
@@ -148,8 +158,8 @@ class Workbench:
         return Key(entry.path or "", replace(entry.settings, effects=effects))
 
     def _keep(self, shot: Shot | None) -> None:
-        if self._kept is not None and shot is not None:
-            self._kept.keep(shot)
+        if (results := self._results) is not None and shot is not None:
+            self.short_jobs.submit("saving results to the cache", lambda _, __: results.store_shot(shot), "keep")
 
     def find_unlisted(self, folder: Path, sessions: Sequence[Path] = ()) -> None:
         """Queue a search for recordings in ``folder`` that neither this session nor ``sessions`` list."""
@@ -314,9 +324,11 @@ class Workbench:
     def _take_diagnosis(self, numbers: tuple[int, ...], diagnosis: Diagnosis) -> None:
         result = self._held(Diagnosed(diagnosis, numbers))
         self.diagnoses.append(result)
-        if self._kept is not None:
-            entries = filter(None, map(self.session.entry, numbers))
-            self._kept.store_diagnosis(result, [self._key(entry) for entry in entries if entry.path is not None])
+        keys = [self._key(entry) for entry in filter(None, map(self.session.entry, numbers)) if entry.path is not None]
+        if (results := self._results) is not None and len(keys) == len(numbers):
+            self.short_jobs.submit(
+                "saving a diagnosis to the cache", lambda _, __: results.store_diagnosis(result.diagnosis, keys), "keep"
+            )
         of = verdict_of(diagnosis, numbers)
         for number in numbers:
             self.session.set_verdict(number, of)
@@ -358,7 +370,8 @@ class Workbench:
         waiting = [entry for entry in waiting if entry.shot is None]
         for entry in waiting:
             if (kept := cached[entry.number]) is not None:
-                self.session.fill(entry.number, kept.shot, version=kept.version)
+                shot, version = kept
+                self.session.fill(entry.number, shot, version=version)
         self.model.refit_outdated()
         for entry in waiting:
             if cached[entry.number] is None:

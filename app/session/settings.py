@@ -175,13 +175,6 @@ class Settings(AnalysisChoices):
         """Return all settings by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
-    def with_values(self, values: dict[str, Value]) -> "Settings":
-        """Return the settings with these changes.  Raises WrongSettings."""
-        try:
-            return replace(self, **values)  # type: ignore[arg-type]
-        except TypeError as error:
-            raise WrongSettings(f"unknown setting: {error}") from None
-
 
 FIELDS = tuple(sorted((s for s in settings_of(Settings) if s.group), key=lambda s: GROUPS.index(s.group)))
 

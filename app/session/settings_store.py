@@ -98,7 +98,7 @@ class SettingsStore:
         """Change and save settings; return an error message, or None."""
         before = self.settings.values()
         try:
-            self.settings = self.settings.with_values(values)
+            self.settings = replace(self.settings, **values)  # type: ignore[arg-type]
         except WrongSettings as error:
             return str(error)
         self._changed |= {name for name, value in values.items() if value != before[name]}

@@ -165,7 +165,7 @@ def test_the_sheet_offers_what_is_declared(qtbot):
     sheet._editors["diagnosis_seconds"].setText("7.5")
     with qtbot.waitSignal(sheet.applied) as applied:
         sheet.apply()
-    assert Settings().with_values(applied.args[0]).analysis.diagnosis_seconds == 7.5
+    assert replace(Settings(), **applied.args[0]).analysis.diagnosis_seconds == 7.5
 
 
 def test_the_window_diagnoses_within_the_seconds_that_are_set_and_says_what_was_left_out(monkeypatch):

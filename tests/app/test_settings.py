@@ -102,7 +102,6 @@ def test_a_newer_programs_extra_setting_is_left_out_and_said(tmp_path):
         {"pre_trigger_s": 1.0, "duration_s": 0.1},
         {"moving_mass_kg": float("nan")},
         {"model": "perpetual"},
-        {"colour": "red"},
         {"speeds_m_per_s": ""},
         {"speeds_m_per_s": "0.1 fast"},
         {"speeds_m_per_s": "0.1 -0.2"},
@@ -113,13 +112,13 @@ def test_a_newer_programs_extra_setting_is_left_out_and_said(tmp_path):
 )
 def test_what_does_not_go_together_is_refused_in_words(values):
     with pytest.raises(WrongSettings) as refused:
-        Settings().with_values(values)
+        replace(Settings(), **values)
     assert len(str(refused.value)) > 10
 
 
 def test_speeds_and_weights_at_hand_are_what_a_plan_may_ask_for():
     assert Settings().reach == Reach()  # the plan's own, where nothing else was said
-    reach = Settings().with_values({"speeds_m_per_s": "0.4 0.1", "weights_kg": "", "run_up_m": 0.02}).reach
+    reach = Settings(speeds_m_per_s="0.4 0.1", weights_kg="", run_up_m=0.02).reach
     assert reach == Reach((0.1, 0.4), (0.0,), 0.02)
 
 

@@ -84,36 +84,32 @@ def unpacked(file: Any) -> object:
 def split(value: object) -> tuple[Any, list[np.ndarray]]:
     """Split a value into its JSON structure and its arrays, each array once.  Raises NotStorable."""
     arrays: list[np.ndarray] = []
-    return _written(value, arrays, {}), arrays
+    places: dict[int, int] = {}  # of the arrays in the list, by their id
 
+    def written(value: object) -> Any:
+        if isinstance(value, Effect):
+            return {"effect": value.key, "base": DRIVE if value.acts is Acts.IN_DRIVE else ""}
+        if isinstance(value, Enum):
+            return {"kind": type(value).__name__, "value": value.value}
+        if value is None or isinstance(value, bool | int | float | str):
+            return value
+        if isinstance(value, np.generic):
+            return value.item()
+        if isinstance(value, np.ndarray):
+            if id(value) not in places:
+                places[id(value)] = len(arrays)
+                arrays.append(value)
+            return {"array": places[id(value)]}
+        if isinstance(value, Mapping):
+            return {"map": [[key, written(one)] for key, one in value.items()]}
+        if isinstance(value, tuple | list):
+            return {type(value).__name__: [written(one) for one in value]}
+        if is_dataclass(value) and type(value).__name__ in kinds():
+            own = {field.name: written(getattr(value, field.name)) for field in fields(value)}
+            return {"kind": type(value).__name__, "fields": own}
+        raise NotStorable(f"a {type(value).__name__} cannot be stored")
 
-def _written(value: object, arrays: list[np.ndarray], seen: dict[int, int]) -> Any:
-    if isinstance(value, Effect):
-        return {"effect": value.key, "base": DRIVE if value.acts is Acts.IN_DRIVE else ""}
-    if isinstance(value, Enum):
-        return {"kind": type(value).__name__, "value": value.value}
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, np.ndarray):
-        return {"array": _place_of(value, arrays, seen)}
-    if isinstance(value, Mapping):
-        return {"map": [[key, _written(one, arrays, seen)] for key, one in value.items()]}
-    if isinstance(value, tuple | list):
-        return {type(value).__name__: [_written(one, arrays, seen) for one in value]}
-    if is_dataclass(value) and type(value).__name__ in kinds():
-        own = {field.name: _written(getattr(value, field.name), arrays, seen) for field in fields(value)}
-        return {"kind": type(value).__name__, "fields": own}
-    raise NotStorable(f"a {type(value).__name__} cannot be stored")
-
-
-def _place_of(array: np.ndarray, arrays: list[np.ndarray], seen: dict[int, int]) -> int:
-    """Return the array's place in ``arrays``, to which it is added when first seen."""
-    if id(array) not in seen:
-        seen[id(array)] = len(arrays)
-        arrays.append(array)
-    return seen[id(array)]
+    return written(value), arrays
 
 
 def rebuild(body: Any, arrays: list[np.ndarray]) -> Any:

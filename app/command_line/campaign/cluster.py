@@ -79,9 +79,10 @@ class Cluster:
         self._watch()
         if self._client.status != "running":
             raise self._lost("the scheduler is gone")
-        if self._fit:
-            while self._waiting:
-                self._hand_on(self._waiting.popleft())
+        while self._fit and self._waiting:
+            task, workers = self._waiting.popleft(), frozenset(self._fit)
+            future = self._submit(analyse_one, task, workers=sorted(workers), pure=False)
+            self._running[future] = task, workers
         ready = [future for future in self._running if future.done()]
         if not ready:
             time.sleep(LOOK_S)
@@ -92,11 +93,6 @@ class Cluster:
         self._watcher.close(0.0)
         with contextlib.suppress(Exception):  # a lost connection times out and is already reported
             self._client.close(timeout=2.0)
-
-    def _hand_on(self, task: Task) -> None:
-        workers = frozenset(self._fit)
-        future = self._submit(analyse_one, task, workers=sorted(workers), pure=False)
-        self._running[future] = task, workers
 
     def _submit(self, work: Callable[..., object], *arguments: object, **how: object) -> Any:
         try:

@@ -59,11 +59,6 @@ class CandidateResiduals:
         self._arrived = False  # whether a residual was found since the last ``refresh``
         self.found: dict[Effect, CandidateResidual] = {}
 
-    @property
-    def waiting(self) -> bool:
-        """Get whether any candidate is still to be fitted."""
-        return bool(self._wanted)
-
     def show(self, diagnosis: Diagnosis | None, shots: Sequence[Shot]) -> None:
         """Switch to a diagnosis, or to none; ``shots`` are in the order of its fits."""
         if diagnosis is self._of:

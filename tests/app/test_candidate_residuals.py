@@ -297,8 +297,8 @@ def test_candidates_are_fitted_while_nothing_else_is_to_be_done(told, shots, mon
             assert list(work.collect_results()) == []
             return whole.refresh()
 
-        until(lambda: refreshed() or not whole.waiting)
-        until(lambda: (refreshed(), not whole.waiting and len(whole.found) == 5)[1])
+        until(lambda: refreshed() or not whole._wanted)
+        until(lambda: (refreshed(), not whole._wanted and len(whole.found) == 5)[1])
         assert asked[1] == CATALOGUE["tilt"] and set(whole.found) == {candidate.effect for candidate in CANDIDATES}
         whole.show(None, [])
         assert whole.found == {}

@@ -41,9 +41,6 @@ class Journal:
     def __contains__(self, stamp: str) -> bool:
         return stamp in self._places
 
-    def __len__(self) -> int:
-        return len(self._places)
-
     def add(self, entry: Entry) -> None:
         text = json.dumps(entry, allow_nan=False).encode()
         line = _HEAD + hashlib.sha256(text).hexdigest().encode() + _BETWEEN + text + b"}\n"

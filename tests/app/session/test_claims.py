@@ -131,7 +131,7 @@ def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
         ["tilt", "quadratic_drag"],
         ["tilt", "coulomb_friction"],
     ]
-    assert asked[0][:2] == (2, "paper") and ends.count(True) == 3 and not why.waiting
+    assert asked[0][:2] == (2, "paper") and ends.count(True) == 3 and not why._wanted
     assert set(why.found) == {VISCOUS, DRAG, FRICTION}
     assert why.found[VISCOUS].left_m is None and len(why.found[DRAG].left_m) == 2
     assert why.found[DRAG].reduced_chi2 == 1.7
@@ -139,7 +139,7 @@ def test_each_candidate_is_fitted_on_top_of_what_was_in_the_model(monkeypatch):
     assert why.found == {} and not why.refresh()
     drive = synthetic.driven_shot()
     why.show(synthetic.diagnosis(drive), [drive])
-    assert not why.waiting
+    assert not why._wanted
     work.close()
 
 

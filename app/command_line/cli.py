@@ -179,7 +179,3 @@ def _drop_output() -> None:
     """Redirect standard output to nowhere, so that the interpreter does not fail on its buffer at exit."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

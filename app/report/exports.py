@@ -85,7 +85,8 @@ def export(shots: Sequence[Shot], folder: Path) -> list[Path]:
             written.append(name)
         shot_rows.append(shot_row(shot, name if shot.motion is not None else ""))
     write_table(shot_columns(), shot_rows, folder / "shots.csv")
-    write_table(BUDGET_COLUMNS, _budget_rows(shots), folder / "budget.csv")
+    budgets = [budget_rows(budget(shot, others=shots)) for shot in shots if shot.impact is not None]
+    write_table(BUDGET_COLUMNS, itertools.chain.from_iterable(budgets), folder / "budget.csv")
     written += ["shots.csv", "budget.csv"]
     if len(shots) > 1:
         header, *rows = series_rows(series(shots))
@@ -156,14 +157,6 @@ def _csv_line(cells: Sequence[str]) -> str:
     line = io.StringIO()
     csv.writer(line, lineterminator="\n").writerow(map(cell, cells))
     return line.getvalue()
-
-
-def _budget_rows(shots: Sequence[Shot]) -> list[list[str]]:
-    rows: list[list[str]] = []
-    for shot in shots:
-        if shot.impact is not None:
-            rows += budget_rows(budget(shot, others=shots))
-    return rows
 
 
 def shot_row(shot: Shot, motion_file: str) -> list[str]:

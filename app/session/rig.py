@@ -108,10 +108,9 @@ class Rig:
 
     def sources(self) -> list[tuple[str, str]]:
         """Return (name, words) of each source: bench, found devices, known network addresses, replay of a recording."""
-        listed = listed_sources()
         network = [(source, network_name(source)) for source in self._network]
-        with_address = [item for item in listed if item[0].endswith(":")]
-        return [*(item for item in listed if item not in with_address), *self._found, *network, *with_address]
+        listed = [*listed_sources(), *self._found, *network]
+        return sorted(listed, key=lambda source: source[0].endswith(":"))  # those that lack an address come last
 
     def remember_found(self, found: Sequence[FoundDevice]) -> None:
         """List these devices as sources."""

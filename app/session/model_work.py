@@ -70,7 +70,7 @@ class ModelWork:
 
         The joint fit of a diagnosis is its evidence and is saved in model files, but it is not used as a shot's fit.
         """
-        self._session.set_effects(self._session.effects.with_effects(base, effects).with_tried(tried))
+        self._session.set_effects(self._session.effects.with_effects(base, effects, tried))
         self.refit_outdated()
 
     # refits after a change of the model -------------------------------------------------------------------------

@@ -94,15 +94,12 @@ class ModelEffects:
         """Return the effects in the model of shots with this base model."""
         return self.collision if base_model(base).collides else self.drive
 
-    def with_effects(self, base: str, effects: tuple[Effect, ...]) -> "ModelEffects":
-        """Return a copy with other effects for shots with this base model."""
+    def with_effects(self, base: str, effects: tuple[Effect, ...], tried: Iterable[Effect] = ()) -> "ModelEffects":
+        """Return a copy with other effects for shots with this base model; those ``tried`` are marked."""
         changed = replace(self, **{"collision" if base_model(base).collides else "drive": effects})
         there = (*changed.collision, *changed.drive)
-        return replace(changed, tried=tuple(effect for effect in self.tried if effect in there))
-
-    def with_tried(self, effects: Iterable[Effect]) -> "ModelEffects":
-        """Return a copy with these effects marked as tried."""
-        return replace(self, tried=(*self.tried, *(effect for effect in effects if effect not in self.tried)))
+        marked = dict.fromkeys((*self.tried, *tried))
+        return replace(changed, tried=tuple(effect for effect in marked if effect in there))
 
 
 def known_effects(keys: Iterable[str], base: str) -> tuple[Effect, ...]:

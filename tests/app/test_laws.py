@@ -71,7 +71,7 @@ def test_a_law_in_the_model_goes_through_files_and_processes_as_the_same_effect(
     assert rebuild(*split(of)).fit.effects == (law,)
     session = Session(tmp_path / "session.json")
     session.add(of)
-    session.set_effects(ModelEffects((law,)).with_tried((law,)))
+    session.set_effects(ModelEffects((law,), tried=(law,)))
     session.set_verdict(1, VerdictBasis((law,), (other,), (1,), Verdict.LAW_LEARNED))
     written = json.loads((tmp_path / "session.json").read_text())
     assert written["effects"] == written["tried"] == [law.key]

@@ -65,7 +65,7 @@ def test_a_model_that_is_saved_says_which_effects_were_only_tried(tmp_path: Path
     assert shot.fit is not None
     (named,), adhesion = {finding.effect for finding in found.effects}, CATALOGUE["adhesion"]
     found = replace(found, fit_after=replace(shot.fit, effects=(named, adhesion)))
-    effects = ModelEffects((named, adhesion)).with_tried((adhesion, named))
+    effects = ModelEffects((named, adhesion), tried=(adhesion, named))
     said = save_model(tmp_path / "m.toml", [shot], effects, found, **QUIETLY)
     assert load_model(tmp_path / "m.toml").tried == (adhesion,)  # the other was named meanwhile
     assert "adhesion at release (tried)" in said

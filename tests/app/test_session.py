@@ -126,7 +126,7 @@ def test_a_second_window_keeps_a_session_of_its_own(tmp_path):
 def test_an_effect_that_was_tried_stays_marked_until_it_is_taken_out(tmp_path):
     session = Session(tmp_path / "session.json")
     tilt, adhesion = effects_named(("tilt", "adhesion"))
-    effects = session.effects.with_effects("paper", (tilt, adhesion)).with_tried([adhesion])
+    effects = session.effects.with_effects("paper", (tilt, adhesion), [adhesion])
     session.set_effects(effects)
     again = Session.reopen(tmp_path / "session.json")
     assert again.effects.tried == (adhesion,) and again.effects.of("paper") == (tilt, adhesion)

@@ -35,7 +35,7 @@ def test_an_effect_that_was_tried_is_marked_and_one_that_was_found_is_not(qtbot:
         effects, both = workbench.session.effects, effects_named(("viscous_drag", "tilt"))
         workbench.session.set_effects(effects.with_effects("paper", both[:1]))
         assert "iscous drag" in words() and TRIED not in words()
-        workbench.session.set_effects(effects.with_effects("paper", both).with_tried(both[1:]))
+        workbench.session.set_effects(effects.with_effects("paper", both, both[1:]))
         assert words().count(TRIED) == 1
         workbench.session.set_effects(effects.with_effects("paper", both[:1]))
         assert "iscous drag" in words() and TRIED not in words()

@@ -11,7 +11,7 @@ from pathlib import Path
 from analysis.report import SCHEMA
 from analysis.shot import AnalysisError, AnalysisSettings, program_version
 from app.command_line.campaign.journal import JOURNAL, Journal
-from app.command_line.campaign.task import Entry, NotReached, Task, failed_entry, tasks_of
+from app.command_line.campaign.task import Entry, NotReached, ShotTask, failed_entry, tasks_of
 from app.command_line.campaign.worker_pool import ProcessPool, WorkerPool
 from app.command_line.options import known_model
 from app.command_line.outputs import Outputs, check_outputs, error_line, problem_line, say
@@ -61,13 +61,13 @@ def campaign(
         return 1
 
 
-def _journal(outputs: Outputs, tasks: Sequence[Task]) -> Journal:
+def _journal(outputs: Outputs, tasks: Sequence[ShotTask]) -> Journal:
     by_result = Path(outputs.json + ".journal") if outputs.json and outputs.json != "-" else None
     path = outputs.export / JOURNAL if outputs.export is not None else by_result
     return Journal(path, {task.stamp for task in tasks})
 
 
-def _worker_pool(jobs: int | None, scheduler: str | None, insecure: bool, todo: Sequence[Task]) -> WorkerPool:
+def _worker_pool(jobs: int | None, scheduler: str | None, insecure: bool, todo: Sequence[ShotTask]) -> WorkerPool:
     if scheduler is None:
         return ProcessPool(jobs or 1)
     from app.command_line.campaign.cluster import Cluster  # needs the optional dask.distributed
@@ -75,19 +75,19 @@ def _worker_pool(jobs: int | None, scheduler: str | None, insecure: bool, todo: 
     return Cluster(scheduler, todo, say, insecure=insecure)
 
 
-def _repeat_problems(tasks: Sequence[Task], journal: Journal) -> None:
+def _repeat_problems(tasks: Sequence[ShotTask], journal: Journal) -> None:
     """Report the problems of shots that an earlier call finished."""
     for task in tasks:
         if task.stamp in journal and (problem := journal.entry(task.stamp)["shot"]["problem"]):
             say(problem_line(task.path, problem))
 
 
-def _run(pool: WorkerPool, todo: Sequence[Task], journal: Journal, already: int) -> dict[str, str]:
+def _run(pool: WorkerPool, todo: Sequence[ShotTask], journal: Journal, already: int) -> dict[str, str]:
     """Distribute tasks and write their results to the journal; return the causes of shots not reached, by stamp."""
     not_reached: dict[str, str] = {}
     waiting = iter(todo)
     under_way, left = 0, len(todo)
-    progress = Progress(left, already)
+    progress = ProgressLine(left, already)
     try:
         while left:
             while under_way < max(1, TASKS_PER_WORKER * pool.width) and (task := next(waiting, None)) is not None:
@@ -110,7 +110,7 @@ def _run(pool: WorkerPool, todo: Sequence[Task], journal: Journal, already: int)
 
 def _write_results(
     found: Sequence[Path],
-    tasks: Sequence[Task],
+    tasks: Sequence[ShotTask],
     journal: Journal,
     not_reached: dict[str, str],
     outputs: Outputs,
@@ -148,7 +148,7 @@ def _result_text(entries: Iterator[Entry]) -> Iterator[str]:
     yield '],\n "diagnosis": null\n}\n'
 
 
-class Progress:
+class ProgressLine:
     """A progress counter on the terminal; it shows nothing if standard error is not a terminal."""
 
     def __init__(self, total: int, already: int) -> None:

@@ -4,12 +4,12 @@ import os
 import signal
 import time
 
-from app.command_line.campaign.task import Entry, Task
+from app.command_line.campaign.task import Entry, ShotTask
 
 DEADLY = "/deadly"
 
 
-def unless_deadly(task: Task) -> Entry:
+def unless_deadly(task: ShotTask) -> Entry:
     """Stand in for ``analyse_one``."""
     time.sleep(0.2)
     if task.path == DEADLY:

@@ -149,7 +149,7 @@ def test_a_terminal_is_told_how_many_shots_are_done_and_how_long_the_others_take
     monkeypatch.setattr(terminal, "isatty", lambda: True)
     monkeypatch.setattr("sys.stderr", terminal)
     monkeypatch.setattr(run_campaign.time, "monotonic", lambda: now[0])
-    progress = run_campaign.Progress(10, already=7)
+    progress = run_campaign.ProgressLine(10, already=7)
     for _ in range(4):
         now[0] += 3.0
         progress.step()
@@ -161,7 +161,7 @@ def test_a_terminal_is_told_how_many_shots_are_done_and_how_long_the_others_take
     ]
     terminal.truncate(0)
     monkeypatch.setattr(terminal, "isatty", lambda: False)
-    quiet = run_campaign.Progress(2, already=1)
+    quiet = run_campaign.ProgressLine(2, already=1)
     quiet.step()
     quiet.end()
     assert terminal.getvalue() == ""

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from app.command_line.campaign import cluster as parts
-from app.command_line.campaign.task import Task
+from app.command_line.campaign.task import ShotTask
 from app.command_line.campaign.worker_pool import WorkersLost
 from app.command_line.cli import main
 from tests.app.campaign_call import Call, in_journal
@@ -158,7 +158,7 @@ class _BrokenClient:
 
 def test_a_client_that_breaks_while_work_is_handed_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", types.SimpleNamespace(Client=_BrokenClient))
-    task = Task("/shots/a.sigmf-meta", None, None, None, True, "stamp", ())  # type: ignore[arg-type]
+    task = ShotTask("/shots/a.sigmf-meta", None, None, None, True, "stamp", ())  # type: ignore[arg-type]
     workers = parts.Cluster("tcp://127.0.0.1:2", [task], print)
     workers.give(task)
     with pytest.raises(WorkersLost, match="the scheduler is gone; finished shots are saved"):

@@ -13,10 +13,9 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from analysis.shot import version_and_digest
-from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one, why_unusable
+from app.command_line.campaign.task import NotReached, Outcome, ShotTask, analyse_one, why_unusable
 from app.command_line.campaign.worker_pool import LOOK_S, WorkersLost
-from instrument.background import Task as ThreadTask
-from instrument.background import WorkerThread
+from instrument.background import Task, WorkerThread
 from instrument.files import error_words
 
 _UNSAFE = (
@@ -43,7 +42,7 @@ class Cluster:
     """
 
     def __init__(
-        self, address: str, todo: Sequence[Task], tell: Callable[[str], object], *, insecure: bool = False
+        self, address: str, todo: Sequence[ShotTask], tell: Callable[[str], object], *, insecure: bool = False
     ) -> None:
         if not insecure and not is_secure(address):
             raise WorkersLost(0, _UNSAFE, address)
@@ -52,9 +51,9 @@ class Cluster:
         csv = next((task.motion_csv for task in todo if task.motion_csv), None)
         self._check_of_folders = (version_and_digest(), folders, None if csv is None else str(Path(csv).parent))
         # a hanging scheduler must not block the campaign
-        self._watcher = WorkerThread[ThreadTask]("scheduler", lambda task: None)
+        self._watcher = WorkerThread[Task]("scheduler", lambda task: None)
         self._watcher.start()
-        self._watching: ThreadTask | None = None
+        self._watching: Task | None = None
         self._watched_at = 0.0
         self._threads: dict[str, int] = {}  # worker -> number of threads, without silent workers
         self._reports: dict[str, tuple[float, float]] = {}  # worker -> (time stamp of last report, time of its arrival)
@@ -62,8 +61,8 @@ class Cluster:
         self._checking: dict[str, tuple[Any, float]] = {}
         self._unfit: dict[str, str] = {}
         self._fit: set[str] = set()
-        self._running: dict[Any, tuple[Task, frozenset[str]]] = {}
-        self._waiting: deque[Task] = deque()
+        self._running: dict[Any, tuple[ShotTask, frozenset[str]]] = {}
+        self._waiting: deque[ShotTask] = deque()
         self._began = self._without_since = time.monotonic()
 
     @property
@@ -71,10 +70,10 @@ class Cluster:
         """Get the total number of threads of the usable workers."""
         return sum(self._threads[worker] for worker in self._fit)
 
-    def give(self, task: Task) -> None:
+    def give(self, task: ShotTask) -> None:
         self._waiting.append(task)
 
-    def take(self) -> list[tuple[Task, Outcome]]:
+    def take(self) -> list[tuple[ShotTask, Outcome]]:
         """Return finished tasks, or wait briefly if there are none.  Raises WorkersLost."""
         self._watch()
         if self._client.status != "running":
@@ -102,7 +101,7 @@ class Cluster:
                 raise
             raise self._lost("the scheduler is gone") from None
 
-    def _taken(self, future: Any) -> tuple[Task, Outcome] | None:
+    def _taken(self, future: Any) -> tuple[ShotTask, Outcome] | None:
         task, _ = self._running.pop(future)
         try:
             return task, future.result(timeout=SCHEDULER_HANGS_S)
@@ -118,7 +117,7 @@ class Cluster:
         """Update the list of workers, at most once per second.  Raises WorkersLost if none is usable."""
         now = time.monotonic()
         if self._watching is None and now - self._watched_at >= _WATCH_S:
-            self._watching, self._watched_at = self._watcher.add(ThreadTask("workers", self._asked_scheduler)), now
+            self._watching, self._watched_at = self._watcher.add(Task("workers", self._asked_scheduler)), now
         if self._watching is not None:
             if self._watching.done.is_set():
                 self._update(self._watching, now)
@@ -136,7 +135,7 @@ class Cluster:
         known = self._client.sync(self._client.scheduler.identity)["workers"]
         return known, self._client.processing()
 
-    def _update(self, watching: ThreadTask, now: float) -> None:
+    def _update(self, watching: Task, now: float) -> None:
         try:
             known, keys = watching.wait()
         except OSError:  # connection closed; dask's own message would name sockets and coroutines

@@ -17,7 +17,7 @@ Entry = dict[str, Any]  # keys: "stamp", "shot" (as in the result file), "row" (
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class ShotTask:
     """One shot to analyse; paths are absolute, because a worker may have another working folder.
 
     ``stamp`` identifies files, settings, ``checked`` and program; ``sizes`` are the sizes of the shot's files in
@@ -53,7 +53,7 @@ def tasks_of(
     export_to: Path | None,
     *,
     checked: bool = True,
-) -> list[Task]:
+) -> list[ShotTask]:
     """Return a task for each shot; with ``export_to`` the task also writes the shot's motion to that folder."""
     names = motion_file_names([recording_stem(path).stem for path in found])
     tasks = []
@@ -62,11 +62,11 @@ def tasks_of(
         sizes, dates = _state(path)
         stamp = (version_and_digest(), base, settings, csv, checked, str(path.resolve()), sizes, dates)
         text = "|".join(map(str, stamp))
-        tasks.append(Task(str(path.absolute()), base, settings, csv, checked, text, sizes))
+        tasks.append(ShotTask(str(path.absolute()), base, settings, csv, checked, text, sizes))
     return tasks
 
 
-def analyse_one(task: Task) -> Outcome:
+def analyse_one(task: ShotTask) -> Outcome:
     """Analyse one shot; runs in a worker."""
     path = Path(task.path)
     if _state(path)[0] != task.sizes:
@@ -86,7 +86,7 @@ def analyse_one(task: Task) -> Outcome:
     return {"stamp": task.stamp, "shot": shot_result(shot), "row": shot_row(shot, motion_csv)}
 
 
-def failed_entry(task: Task, cause: str) -> Entry:
+def failed_entry(task: ShotTask, cause: str) -> Entry:
     """Return the result entry of a shot that was not reached."""
     name = recording_stem(task.path).name
     shot = {"name": name, "path": task.path, "status": "failed", "problem": cause, "flags": []}

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection, wait
 from typing import Protocol
 
-from app.command_line.campaign.task import NotReached, Outcome, Task, analyse_one
+from app.command_line.campaign.task import NotReached, Outcome, ShotTask, analyse_one
 from instrument.background import ProcessEnded, WorkerProcess
 from instrument.files import error_words
 
@@ -26,10 +26,10 @@ class WorkerPool(Protocol):
     def width(self) -> int:
         """Get the number of shots analysed at once; 0 while no worker is ready."""
 
-    def give(self, task: Task) -> None:
+    def give(self, task: ShotTask) -> None:
         """Queue a task."""
 
-    def take(self) -> list[tuple[Task, Outcome]]:
+    def take(self) -> list[tuple[ShotTask, Outcome]]:
         """Return finished tasks, or wait briefly if there are none.  Raises WorkersLost."""
 
     def close(self) -> None:
@@ -54,24 +54,24 @@ class ProcessPool:
     def __init__(self, count: int) -> None:
         self._count = min(count, _MOST)
         self._idle: list[WorkerProcess] = []
-        self._running: dict[WorkerProcess, Task] = {}
-        self._waiting: deque[Task] = deque()
-        self._suspects: deque[Task] = deque()  # during which a process died
+        self._running: dict[WorkerProcess, ShotTask] = {}
+        self._waiting: deque[ShotTask] = deque()
+        self._suspects: deque[ShotTask] = deque()  # during which a process died
         self._suspected: set[str] = set()  # their stamps, also later
 
     @property
     def width(self) -> int:
         return self._count
 
-    def give(self, task: Task) -> None:
+    def give(self, task: ShotTask) -> None:
         self._waiting.append(task)
 
-    def take(self) -> list[tuple[Task, Outcome]]:
+    def take(self) -> list[tuple[ShotTask, Outcome]]:
         self._hand_on()
         if not self._running:
             time.sleep(LOOK_S)
             return []
-        out: list[tuple[Task, Outcome]] = []
+        out: list[tuple[ShotTask, Outcome]] = []
         ready = set(wait([process.messages for process in self._running], LOOK_S))
         for process in [process for process in self._running if process.messages in ready]:
             task = self._running.pop(process)
@@ -106,11 +106,11 @@ class ProcessPool:
                 self._running[process] = waiting.popleft()
 
 
-def _serve(analyse: Callable[[Task], Outcome], tasks: Connection, outcomes: Connection) -> None:
+def _serve(analyse: Callable[[ShotTask], Outcome], tasks: Connection, outcomes: Connection) -> None:
     """Analyse shots until the parent is gone; the main function of a process."""
     with contextlib.suppress(EOFError, ConnectionError):
         while True:
-            task: Task = tasks.recv()
+            task: ShotTask = tasks.recv()
             try:
                 outcome = analyse(task)
             except Exception as error:

@@ -73,7 +73,7 @@ def _shot(recording: Path | None) -> tuple[Shot | None, bool]:
     if recording is None:
         return None, True
     try:
-        found = list(find_recordings([recording]))
+        found = find_recordings([recording])
     except RecordingError as error:
         say(error)
         return None, False

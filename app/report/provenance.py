@@ -128,13 +128,12 @@ def _channels(shot: Shot) -> list[list[str]]:
 
 
 def _mapped(path: Path) -> list[list[str]]:
-    kept = find_mapping(path)
+    if (kept := find_mapping(path)) is None:
+        return []
     try:
-        mapping = read_mapping(kept) if kept is not None else None
+        mapping = read_mapping(kept)
     except RecordingError as error:
         return [["channels", f"no longer available: {error}"]]
-    if kept is None or mapping is None:
-        return []
     rows = [["read by", f"{kept.name} ({mapping.format})"]]
     for channel in mapping.channels:
         volts = "" if channel.volts_per_unit is None else f", {channel.volts_per_unit:.10g} V per unit"

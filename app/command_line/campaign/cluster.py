@@ -153,9 +153,7 @@ class Cluster:
                 with contextlib.suppress(Exception):  # fails if the connection is lost
                     future.cancel()
                 self._waiting.appendleft(task)
-        for worker in list(self._checking):
-            if worker not in there:
-                del self._checking[worker]
+        self._checking = {worker: check for worker, check in self._checking.items() if worker in there}
         for worker in there - self._fit - set(self._checking) - set(self._unfit):
             question = self._submit(why_unusable, *self._check_of_folders, workers=[worker], pure=False, priority=10)
             self._checking[worker] = question, time.monotonic()

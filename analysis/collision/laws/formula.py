@@ -1,14 +1,14 @@
 """Read a force from a formula checked against a whitelist, and generate an effect's function from it.
 
 The text is parsed into Python's syntax tree, and every node is checked: numbers, the state, the parameters,
-``+ - * / **`` and the functions of ``functions.FUNCTIONS`` are allowed; anything else is rejected with its column.  The
-effect's function is generated from the tree; the text itself is never executed.
+``+ - * / **`` and the functions of ``functions.FUNCTIONS`` are allowed; anything else is rejected with its column.
+Code is generated from the tree, for the effect's function and for arrays; the text itself is never executed.
 """
 
 import ast
 import hashlib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from analysis.collision.effects.kernel import GENERATED, Q_RATE, SIGN_V, TOUCHING, XI, XI_RATE, Kernel, Q, U, V, X, Y
-from analysis.collision.laws.functions import FUNCTIONS, positive_power, positive_power_of_arrays, quotient, whole_power
+from analysis.collision.laws.functions import FUNCTIONS, OPERATIONS
 
 MAX_CHARACTERS = 400
 _MAX_DEPTH = 40
@@ -24,6 +24,7 @@ _MAX_POWER = 12  # largest integer exponent that is evaluated as a product
 
 TIME = "t"  # time since the first touch: a hidden state of rate one
 STATE = {"x": X, "v": V, "y": Y, "u": U, "d": XI, "d_rate": XI_RATE, TIME: Q}
+_FUNCTIONS = FUNCTIONS | OPERATIONS
 _CONSTANTS = {"pi": math.pi}
 _SIGNS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/"}
 
@@ -61,7 +62,9 @@ class Formula:
 
     def values(self, state: Mapping[str, Any], parameters: Mapping[str, Any]) -> Any:
         """Evaluate the formula on arrays of the state (SI units; real, or complex to carry a derivative)."""
-        return _on_arrays(_tree(self.text), {**_CONSTANTS, **state, **parameters})
+        s = {STATE[name]: values for name, values in state.items()}
+        s[SIGN_V] = np.sign(np.real(s.get(V, 0.0)))
+        return _on_arrays(self.text, self.parameters)(s, [parameters[name] for name in self.parameters])
 
 
 def read(text: str, parameters: Sequence[str]) -> Formula:
@@ -91,12 +94,20 @@ def kernel_of(formula: Formula, adds_to: int, while_touching: bool = False) -> K
     clock = f"    out[{Q_RATE}] += 1.0\n" if formula.timed else ""
     body = f"(s, p, out):\n{clock}    {condition}out[{adds_to}] += {force}\n"
     name = f"law_{hashlib.sha256(body.encode()).hexdigest()[:24]}"
-    names: dict[str, Any] = {f.kernel.__name__: f.kernel for f in FUNCTIONS.values()} | {"__name__": __name__}
-    names |= {helper.__name__: helper for helper in (positive_power, whole_power, quotient)}
+    names: dict[str, Any] = {f.kernel.__name__: f.kernel for f in _FUNCTIONS.values()} | {"__name__": __name__}
     # the executed text was generated above, node by node, from whitelisted nodes
     exec(compile(f"def {name}{body}", GENERATED, "exec"), names)
     law: Kernel = names[name]
     return law
+
+
+@cache
+def _on_arrays(text: str, parameters: tuple[str, ...]) -> Callable[[Mapping[int, Any], Sequence[Any]], Any]:
+    """Return the formula as a function of arrays, called with the same indices as an effect's function."""
+    names = {f.kernel.__name__: f.arrays for f in _FUNCTIONS.values()}
+    written = f"lambda s, p: {_written(_tree(text), parameters)}"  # generated as in ``kernel_of``
+    function: Callable[[Mapping[int, Any], Sequence[Any]], Any] = eval(compile(written, GENERATED, "eval"), names)
+    return function
 
 
 @cache
@@ -196,7 +207,7 @@ def _whole(node: ast.expr) -> int | None:
 
 
 def _written(node: ast.expr, parameters: tuple[str, ...]) -> str:
-    """Return the source text of a node for the effect's function."""
+    """Return the source text of a node, in terms of ``s`` and ``p`` of an effect's function."""
     match node:
         case ast.Constant(value=value):
             return f"({float(value)!r})"  # type: ignore[arg-type]
@@ -217,7 +228,7 @@ def _written(node: ast.expr, parameters: tuple[str, ...]) -> str:
             return f"(s[{V}] * s[{SIGN_V}].real)"
         case ast.Call(func=ast.Name(id=name), args=arguments):
             inside = ", ".join(_written(a, parameters) for a in arguments)
-            return f"{FUNCTIONS[name].kernel.__name__}({inside})"
+            return f"{_FUNCTIONS[name].kernel.__name__}({inside})"
     raise AssertionError(ast.dump(node))  # ``_check_node`` allows no other node
 
 
@@ -233,29 +244,3 @@ def _written_power(base: ast.expr, exponent: ast.expr, parameters: tuple[str, ..
         return f"positive_power({_written(base, parameters)}, {_written(exponent, parameters)})"
     product = f"whole_power({_written(base, parameters)}, {abs(whole)})"
     return product if whole > 0 else f"quotient(1.0, {product})"
-
-
-def _on_arrays(node: ast.expr, names: Mapping[str, Any]) -> Any:
-    match node:
-        case ast.Constant(value=value):
-            return float(value)  # type: ignore[arg-type]
-        case ast.Name(id=name):
-            return names[name]
-        case ast.UnaryOp(op=op, operand=operand):
-            value = _on_arrays(operand, names)
-            return -value if isinstance(op, ast.USub) else value
-        case ast.BinOp(left=left, op=ast.Pow(), right=right):
-            base, whole = _on_arrays(left, names), _whole(right)
-            if whole is None:
-                return positive_power_of_arrays(base, _on_arrays(right, names))
-            return np.asarray(base) ** whole if whole > 0 else 1.0 / np.asarray(base) ** -whole
-        case ast.BinOp(left=left, op=op, right=right):
-            a, b = _on_arrays(left, names), _on_arrays(right, names)
-            if isinstance(op, ast.Add):
-                return a + b
-            if isinstance(op, ast.Sub):
-                return a - b
-            return a * b if isinstance(op, ast.Mult) else np.divide(a, b)
-        case ast.Call(func=ast.Name(id=name), args=arguments):
-            return FUNCTIONS[name].arrays(*(_on_arrays(a, names) for a in arguments))
-    raise AssertionError(ast.dump(node))

@@ -1,4 +1,4 @@
-"""The functions allowed in a formula, for kernels (real or complex numbers, ``kernel_function``) and for arrays."""
+"""The functions of a formula, for kernels (real or complex numbers, ``kernel_function``) and for arrays."""
 
 import math
 from collections.abc import Callable
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from analysis.collision.effects.kernel import kernel_function, power, sine
+from analysis.collision.laws.curve import curve_at
 
 Of = Callable[..., Any]
 
@@ -34,16 +35,8 @@ def _larger(a: Any, b: Any) -> Any:
     return b if a.real < b.real else a
 
 
-def _cosine(x: Any) -> Any:
-    return math.cos(x)
-
-
 def _cosine_carrying(x: Any) -> Any:
     return complex(math.cos(x.real), -math.sin(x.real) * x.imag)
-
-
-def _exponential(x: Any) -> Any:
-    return math.exp(x)
 
 
 def _exponential_carrying(x: Any) -> Any:
@@ -72,10 +65,6 @@ def _root_carrying(x: Any) -> Any:
     return complex(value, 0.5 * x.imag / value)
 
 
-def _tangent(x: Any) -> Any:
-    return math.tanh(x)
-
-
 def _tangent_carrying(x: Any) -> Any:
     value = math.tanh(x.real)
     return complex(value, (1.0 - value * value) * x.imag)
@@ -92,7 +81,7 @@ def _whole_power(x: Any, times: Any) -> Any:
     return product
 
 
-def _quotient(x: Any, by: Any) -> Any:
+def _quotient(x: Any, by: Any) -> Any:  # by zero NaN: the solver then finds no trajectory, and nothing raises
     return x / by if by != 0.0 else math.nan
 
 
@@ -103,15 +92,9 @@ def _quotient_carrying(x: Any, by: Any) -> Any:
     return complex(ratio, (x.imag - ratio * by.imag) / by.real)
 
 
-positive_power = kernel_function("positive_power", _positive_power)  # x^y, 0 where x is not positive
-whole_power = kernel_function("whole_power", _whole_power)  # x^times of an integer ``times`` above 0
-# x / by, NaN if ``by`` is 0: the solver then finds no trajectory, and nothing raises
-quotient = kernel_function("quotient", _quotient, _quotient_carrying)
-
-
 @dataclass(frozen=True, slots=True)
 class Function:
-    """A function allowed in a formula: the number of its arguments, and its versions for kernels and arrays."""
+    """A function of a formula: the number of its arguments, and its versions for kernels and arrays."""
 
     takes: int
     kernel: Of
@@ -126,22 +109,27 @@ def _root_of_arrays(x: Any) -> Any:
     return np.where(np.real(x) > 0, np.sqrt(np.where(np.real(x) > 0, x, 1.0)), 0.0)
 
 
-def positive_power_of_arrays(x: Any, y: Any) -> Any:
-    """Return x^y of arrays, 0 where x is not positive; shapes are broadcast as by numpy."""
+def _positive_power_of_arrays(x: Any, y: Any) -> Any:
     positive = np.real(x) > 0
     return np.where(positive, np.power(np.where(positive, x, 1.0), y), 0.0)
 
 
-FUNCTIONS: dict[str, Function] = {
+FUNCTIONS: dict[str, Function] = {  # those that a user may write
     "abs": Function(1, kernel_function("absolute", _absolute), _by_sign),
     "sign": Function(1, kernel_function("sign_of", _sign), lambda x: np.sign(np.real(x))),
     "step": Function(1, kernel_function("unit_step", _unit_step), lambda x: np.where(np.real(x) > 0, 1.0, 0.0)),
     "min": Function(2, kernel_function("smaller", _smaller), lambda a, b: np.where(np.real(a) < np.real(b), a, b)),
     "max": Function(2, kernel_function("larger", _larger), lambda a, b: np.where(np.real(a) < np.real(b), b, a)),
     "sin": Function(1, sine, np.sin),
-    "cos": Function(1, kernel_function("cosine", _cosine, _cosine_carrying), np.cos),
-    "exp": Function(1, kernel_function("exponential", _exponential, _exponential_carrying), np.exp),
+    "cos": Function(1, kernel_function("cosine", lambda x: math.cos(x), _cosine_carrying), np.cos),
+    "exp": Function(1, kernel_function("exponential", lambda x: math.exp(x), _exponential_carrying), np.exp),
     "log": Function(1, kernel_function("logarithm", _logarithm, _logarithm_carrying), np.log),
     "sqrt": Function(1, kernel_function("square_root", _root, _root_carrying), _root_of_arrays),
-    "tanh": Function(1, kernel_function("hyperbolic_tangent", _tangent, _tangent_carrying), np.tanh),
+    "tanh": Function(1, kernel_function("hyperbolic_tangent", lambda x: math.tanh(x), _tangent_carrying), np.tanh),
+}
+OPERATIONS: dict[str, Function] = {  # those for which a formula has operators, and the curve of a force of unknown form
+    "positive_power": Function(2, kernel_function("positive_power", _positive_power), _positive_power_of_arrays),
+    "whole_power": Function(2, kernel_function("whole_power", _whole_power), lambda x, times: np.asarray(x) ** times),
+    "quotient": Function(2, kernel_function("quotient", _quotient, _quotient_carrying), np.divide),
+    "curve": Function(2, curve_at, curve_at),
 }

@@ -20,7 +20,7 @@ from analysis.collision.laws.formula import STATE, TIME, Formula, FormulaError, 
 from analysis.collision.parameters import PAPER, Collision, Floats
 
 MAX_PARAMETERS = 3
-_PLACES = {
+PLACES = {
     "block": (Acts.ON_BLOCK, ON_BLOCK),
     "plate": (Acts.ON_PLATE, ON_PLATE),
     "contact": (Acts.IN_CONTACT, PAIR),
@@ -87,8 +87,8 @@ def law_from_table(table: Mapping[str, Any]) -> UserLaw:
     _check_keys(table, ("name", "words", "where", "formula", "parameters"))
     name, where, text = (_text(table, key) for key in ("name", "where", "formula"))
     _check_name(name)
-    if where not in _PLACES:
-        raise LawError(f"where: {where!r}, but a law acts on {', '.join(_PLACES)}")
+    if where not in PLACES:
+        raise LawError(f"where: {where!r}, but a law acts on {', '.join(PLACES)}")
     words = _text(table, "words") if "words" in table else name.replace("_", " ").strip() or name
     given = table.get("parameters")
     if not isinstance(given, Mapping) or not 1 <= len(given) <= MAX_PARAMETERS:
@@ -185,7 +185,7 @@ def _number(name: str, table: Mapping[str, Any], key: str, otherwise: float) -> 
 
 @cache
 def _law(name: str, words: str, where: str, formula: Formula, parameters: tuple[Parameter, ...]) -> UserLaw:
-    acts, adds_to = _PLACES[where]
+    acts, adds_to = PLACES[where]
     return UserLaw(
         name,
         words,

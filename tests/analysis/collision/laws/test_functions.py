@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from analysis.collision.laws.functions import (
-    FUNCTIONS,
-    positive_power,
-    positive_power_of_arrays,
-    quotient,
-    whole_power,
-)
+from analysis.collision.laws.functions import FUNCTIONS, OPERATIONS
 
 AT = (-2.3, -0.4, 0.6, 1.9)
 OTHER = 0.9  # the second value of a function that takes two
@@ -61,7 +55,8 @@ def test_at_nothing_and_where_two_are_equal_functions_have_their_values() -> Non
     for order in ((low, high), (high, low)):
         assert FUNCTIONS["min"].arrays(*order).tolist() == [-2.0, 1.0]
         assert FUNCTIONS["max"].arrays(*order).tolist() == [0.5, 1.0]
-    assert positive_power_of_arrays(np.array([-4.0, 0.0, 4.0]), 1.5).tolist() == [0.0, 0.0, 8.0]
+    assert OPERATIONS["positive_power"].arrays(np.array([-4.0, 0.0, 4.0]), 1.5).tolist() == [0.0, 0.0, 8.0]
+    positive_power, whole_power, quotient = (one.kernel for one in OPERATIONS.values() if one.arrays is not one.kernel)
     reached = njit(lambda x, y: (positive_power(x, y), whole_power(x, 3), quotient(x, y)))
     assert reached(4.0, 0.5) == pytest.approx((2.0, 64.0, 8.0))
     assert reached(-4.0, 0.5)[:2] == (0.0, -64.0) and np.isnan(reached(4.0, 0.0)[2])

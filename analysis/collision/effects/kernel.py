@@ -71,23 +71,6 @@ def complex_address(function: Kernel) -> int:
     return int(_compiled(function, types.complex128).address)
 
 
-def _called(context: Any, builder: Any, at: Any, pointers: Any) -> Any:
-    function = ir.FunctionType(ir.VoidType(), [pointer.type for pointer in pointers])
-    builder.call(builder.inttoptr(at, function.as_pointer()), pointers)
-    return context.get_dummy_value()
-
-
-def _call(_context: Any, at: Any, s: Any, p: Any, out: Any) -> Any:
-    """Call the compiled effect at an address (for kernels); about 2 ns."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        arrays = zip(signature.args[1:], arguments[1:], strict=True)
-        pointers = [context.make_array(kind)(context, builder, value).data for kind, value in arrays]
-        return _called(context, builder, arguments[0], pointers)
-
-    return types.void(types.int64, s, p, out), generate
-
-
 def _call_within(_context: Any, at: Any, s: Any, p: Any, first: Any) -> Any:
     """Call the effect at an address (for kernels): parameters start at ``p[first]``, outputs follow inputs in ``s``."""
 
@@ -97,12 +80,14 @@ def _call_within(_context: Any, at: Any, s: Any, p: Any, first: Any) -> Any:
             for kind, value in zip(signature.args[1:3], arguments[1:3], strict=True)
         )
         out = builder.gep(state, [ir.Constant(ir.IntType(64), STATES)])
-        return _called(context, builder, arguments[0], [state, builder.gep(values, [arguments[3]]), out])
+        pointers = [state, builder.gep(values, [arguments[3]]), out]
+        function = ir.FunctionType(ir.VoidType(), [pointer.type for pointer in pointers])
+        builder.call(builder.inttoptr(arguments[0], function.as_pointer()), pointers)
+        return context.get_dummy_value()
 
     return types.void(types.int64, s, p, types.int64), generate
 
 
-call: Any = intrinsic(_call)
 call_within: Any = intrinsic(_call_within)
 
 

@@ -9,25 +9,21 @@ integrated by Simpson's rule.  The error is of second order in the effect.  If t
 
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, ON_PLATE, OUTPUTS, PAIR, STATES, V, X, address
 from analysis.collision.effects.row import Acts, Effect
 from analysis.collision.parameters import Collision, Floats
-from analysis.collision.solver.linear_coefficients import (
-    ROOM,
-    SEEN,
-    call_effect,
-    coefficients,
-    hidden_steps,
-    state_coefficients,
-)
+from analysis.collision.solver.linear_coefficients import SEEN, coefficients, hidden_steps, state_coefficients
 from analysis.collision.solver.linearisation import LinearPath
 from analysis.collision.solver.mechanical_effects import function_of
 from analysis.collision.solver.path_matrices import INPUTS
-from analysis.compiled import by_address, cut, cut_integers, kernel, part
+from analysis.collision.solver.rates import call_effect
+from analysis.collision.solver.system import Integers
+from analysis.compiled import by_address, kernel, part
 
 _PROBED = 16  # points along the trajectory at which the linearity of an effect's function is checked
 _SAME = 1e-9  # relative difference within which two steps have the same length
@@ -65,18 +61,15 @@ class _EffectAtStarts(NamedTuple):
 class _Work(NamedTuple):
     """Arrays of the march; a "point" is the start, the middle or the end of a step.
 
-    ``s``, ``values`` and ``effect`` are the arguments of one call of the effect.  ``bare`` are its outputs at each
-    point with the hidden state at zero, ``h`` the hidden state, ``u`` the inputs of the path.  ``rows`` are ``state``
-    and ``u`` as one array.  ``steps``, ``power`` and ``series`` belong to ``hidden_steps``; ``scaled`` are the weights
-    of a sum.
+    ``s`` are the inputs and outputs of one call of the effect.  ``bare`` are its outputs at each point with the hidden
+    state at zero, ``h`` the hidden state, ``u`` the inputs of the path.  ``rows`` are ``state`` and ``u`` as one array.
+    ``steps``, ``power`` and ``series`` belong to ``hidden_steps``; ``scaled`` are the weights of a sum.
 
-    ``active`` marks the nonzero inputs, ``driven`` the nonzero outputs, ``used`` the states on which an output depends.
-    ``terms`` and ``term_count`` list those states, ``live`` the nonzero rows.
+    ``active`` marks the nonzero inputs, ``driven`` the nonzero outputs.  ``terms`` and ``term_count`` list the states
+    on which an output depends, ``live`` the nonzero rows.
     """
 
     s: Floats
-    values: Floats
-    effect: Floats
     bare: Floats
     rows: Floats
     state: Floats
@@ -88,12 +81,11 @@ class _Work(NamedTuple):
     power: Floats
     series: Floats
     scaled: Floats
-    active: Any
-    driven: Any
-    used: Any
-    live: Any
-    terms: Any
-    term_count: Any
+    active: Integers
+    driven: Integers
+    live: Integers
+    terms: Integers
+    term_count: Integers
 
 
 def first_order_change(
@@ -111,24 +103,42 @@ def first_order_change(
     linear, by_state = np.zeros((OUTPUTS, 2, count)), np.zeros((OUTPUTS, SEEN + 1, count))
     where = address(function)
     inputs = np.ascontiguousarray(path.effect_inputs[places, 1])
-    if hidden and not coefficients(where, inputs, parameters, linear, np.zeros(ROOM)):
+    work = _work(path.propagator.shape[1], count)
+    if hidden and not coefficients(where, inputs, parameters, linear, work.s, np.zeros((4, OUTPUTS))):
         return None
-    constant = hidden and state_coefficients(where, inputs, parameters, by_state, np.zeros(ROOM))
+    constant = hidden and state_coefficients(where, inputs, parameters, by_state, work.s)
     out = np.zeros((samples, count))
     in_flight = acts is Acts.ON_BLOCK and not effect.moves_with_block
     at_starts = _EffectAtStarts(
         where, in_contact, in_flight, hidden, effect.moves_with_block, float(effect.shift), bool(constant),
         parameters, linear, by_state,
     )  # fmt: skip
-    marched = _march(at_starts, np.array(_DRIVES), path, out, np.zeros(_room_size(path.propagator.shape[1], count)))
-    assert marched
+    _march(at_starts, np.array(_DRIVES), path, work, out)
     return out
 
 
-def _room_size(n: int, count: int) -> int:
-    """Return the size of the workspace of ``_march`` for states of n numbers and ``count`` starts."""
-    fixed = STATES + 3 + INPUTS + OUTPUTS * (2 * SEEN + 5) + 2 * (n + 3 * INPUTS)
-    return fixed + count * (3 * OUTPUTS + 3 * INPUTS + 2 * n + 6 + 1 + 32 + 4 + 16)
+def _work(n: int, count: int) -> _Work:
+    """Return the arrays of a march for states of n numbers and ``count`` starts."""
+    rows, integers = np.zeros((n + 3 * INPUTS, count)), partial(np.zeros, dtype=np.int64)
+    return _Work(
+        s=np.zeros(STATES + OUTPUTS),
+        bare=np.zeros((3, OUTPUTS, count)),
+        rows=rows,
+        state=rows[:n],
+        u=rows[n:].reshape(3, INPUTS, count),
+        new=np.zeros((n, count)),
+        h=np.zeros((3, 2, count)),
+        moved=np.zeros(count),
+        steps=np.zeros((2, 4, 2, 2, count)),
+        power=np.zeros((2, 2, count)),
+        series=np.zeros((4, 2, 2, count)),
+        scaled=np.zeros(n + 3 * INPUTS),
+        active=integers(INPUTS),
+        driven=integers(OUTPUTS),
+        live=integers(n + 3 * INPUTS),
+        terms=integers((OUTPUTS, SEEN + 1)),
+        term_count=integers(OUTPUTS),
+    )
 
 
 @part
@@ -151,47 +161,18 @@ def weighted_sum(rows, weights, which, number, out):  # type: ignore[no-untyped-
 
 
 @part
-def _workspace(room, n, count):  # type: ignore[no-untyped-def]
-    """Return the arrays of a march, cut from ``room``, and their total size."""
-    s, at = cut(room, 0, (STATES,))
-    values, at = cut(room, at, (3,))
-    effect, at = cut(room, at, (OUTPUTS,))
-    bare, at = cut(room, at, (3, OUTPUTS, count))
-    rows, _ = cut(room, at, (n + 3 * INPUTS, count))
-    state, at = cut(room, at, (n, count))
-    u, at = cut(room, at, (3, INPUTS, count))
-    active, at = cut_integers(room, at, (INPUTS,))
-    driven, at = cut_integers(room, at, (OUTPUTS,))
-    used, at = cut_integers(room, at, (OUTPUTS, SEEN + 1))
-    new, at = cut(room, at, (n, count))
-    h, at = cut(room, at, (3, 2, count))
-    moved, at = cut(room, at, (count,))
-    steps, at = cut(room, at, (2, 4, 2, 2, count))
-    power, at = cut(room, at, (2, 2, count))
-    series, at = cut(room, at, (4, 2, 2, count))
-    scaled, at = cut(room, at, (n + 3 * INPUTS,))
-    live, at = cut_integers(room, at, (n + 3 * INPUTS,))
-    terms, at = cut_integers(room, at, (OUTPUTS, SEEN + 1))
-    term_count, at = cut_integers(room, at, (OUTPUTS,))
-    work = _Work(
-        s, values, effect, bare, rows, state, u, new, h, moved, steps, power, series, scaled, active, driven, used,
-        live, terms, term_count,
-    )  # fmt: skip
-    return work, at
-
-
-@part
 def _mark_active(effect, drives, work):  # type: ignore[no-untyped-def]
     """Mark the nonzero inputs and outputs, and list the ``live`` rows."""
-    linear, by_state, active, driven, used = effect.linear, effect.by_state, work.active, work.driven, work.used
+    linear, by_state, active, driven = effect.linear, effect.by_state, work.active, work.driven
     count, n = linear.shape[2], work.state.shape[0]
     for i in range(OUTPUTS):
         driven[i] = not effect.constant
         for j in range(SEEN + 1):
+            used = False
             for c in range(count):
-                used[i, j] = used[i, j] or by_state[i, j, c] != 0.0
-            driven[i] = driven[i] or used[i, j]
-            if used[i, j]:
+                used = used or by_state[i, j, c] != 0.0
+            if used:
+                driven[i] = True
                 work.terms[i, work.term_count[i]] = j
                 work.term_count[i] += 1
     for i in range(INPUTS):
@@ -226,9 +207,9 @@ def _write_bare(effect, path, r, point, work):  # type: ignore[no-untyped-def]
                 weighted_sum(effect.by_state[i], work.scaled, work.terms[i], work.term_count[i], bare[point, i])
         return
     for c in range(effect.parameters.shape[0]):
-        call_effect(effect.where, s, effect.parameters, c, work.values, work.effect)
+        call_effect(effect.where, s, effect.parameters[c], 0)
         for i in range(OUTPUTS):
-            bare[point, i, c] = work.effect[i]
+            bare[point, i, c] = s[STATES + i]
 
 
 @part
@@ -305,18 +286,13 @@ def _step_state(path, r, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
-    """Write the block's change of position at the samples, shape (samples, k); return False if ``room`` is too small.
+def _march(effect, drives, path, work, out):  # type: ignore[no-untyped-def]
+    """Write the block's change of position at the samples, shape (samples, k).
 
-    Takes about 15 ns per step and start if the effect's coefficients are ``constant``, otherwise 40 ns.  ``room``
-    holds ``_room_size`` zeros.
+    Takes about 15 ns per step and start if the effect's coefficients are ``constant``, otherwise 40 ns.
     """
-    effect, path = by_address(effect), by_address(path)
+    effect, path, work = by_address(effect), by_address(path), by_address(work)
     count, n, early = effect.parameters.shape[0], path.propagator.shape[1], path.early
-    arrays, size = _workspace(room, n, count)
-    if size > room.size:
-        return False
-    work = by_address(arrays)
     _mark_active(effect, drives, work)
     last, begun = math.nan, False
     for r in range(path.length_s.size):
@@ -351,4 +327,3 @@ def _march(effect, drives, path, out, room):  # type: ignore[no-untyped-def]
         if path.sample[r] >= 0:
             for c in range(count):
                 out[path.sample[r], c] = work.state[0, c]
-    return True

@@ -3,39 +3,31 @@
 The linearity is checked at several points along a trajectory.  A linear hidden state is propagated exactly.
 """
 
-from analysis.collision.effects.kernel import OUTPUTS, STATES, Q, W, call
-from analysis.compiled import cut, kernel, part
+from analysis.collision.effects.kernel import OUTPUTS, STATES, Q, W
+from analysis.collision.solver.rates import call_effect
+from analysis.compiled import kernel, part
 
 SEEN = 7  # the first inputs of an effect: positions, velocities, overlap, its rate and force
 _LINEAR_TOLERANCE = 1e-9
-ROOM = 64  # size of the workspace of ``coefficients`` and of ``state_coefficients``
 _TERMS = 14  # of the exponential series, enough for the longest step of ``first_order``
 
 
-@part
-def call_effect(where, s, parameters, c, values, effect):  # type: ignore[no-untyped-def]
-    for i in range(3):
-        values[i] = parameters[c, i]
-    for i in range(OUTPUTS):
-        effect[i] = 0.0
-    call(where, s, values, effect)
-
-
 @kernel
-def coefficients(where, inputs, parameters, linear, room):  # type: ignore[no-untyped-def]
+def coefficients(where, inputs, parameters, linear, s, outputs):  # type: ignore[no-untyped-def]
     """Write d(outputs)/d(q, w), shape (6, 2, k); return False if they vary.  Four calls per start and point.
 
-    ``room`` holds ``ROOM`` zeros.
+    ``s``, the inputs and outputs of a call, and ``outputs``, shape (4, 6), are workspace.
     """
-    values, at = cut(room, 0, (3,))
-    outputs, at = cut(room, at, (4, OUTPUTS))
     hidden = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.4, -0.7))
     for c in range(parameters.shape[0]):
         for place in range(inputs.shape[0]):
-            s = inputs[place]
+            for i in range(STATES):
+                s[i] = inputs[place, i]
             for trial in range(4):
                 s[Q], s[W] = hidden[trial]
-                call_effect(where, s, parameters, c, values, outputs[trial])
+                call_effect(where, s, parameters[c], 0)
+                for i in range(OUTPUTS):
+                    outputs[trial, i] = s[STATES + i]
             for i in range(OUTPUTS):
                 by_q, by_w = outputs[1, i] - outputs[0, i], outputs[2, i] - outputs[0, i]
                 if place == 0:
@@ -48,16 +40,11 @@ def coefficients(where, inputs, parameters, linear, room):  # type: ignore[no-un
 
 
 @kernel
-def state_coefficients(where, inputs, parameters, by_state, room):  # type: ignore[no-untyped-def]
+def state_coefficients(where, inputs, parameters, by_state, s):  # type: ignore[no-untyped-def]
     """Write the outputs at rest and their state derivatives, shape (6, 8, k); return False if they vary.
 
-    The hidden state is zero.  Eight calls per start, plus one per start and point.  ``room`` holds ``ROOM`` zeros.
+    The hidden state is zero.  Eight calls per start, plus one per start and point.  ``s`` is workspace, as above.
     """
-    values, at = cut(room, 0, (3,))
-    outputs, at = cut(room, at, (OUTPUTS,))
-    s, at = cut(room, at, (STATES,))
-    for i in range(STATES):
-        s[i] = inputs[0, i]
     for c in range(parameters.shape[0]):
         for place in range(-1 - SEEN, inputs.shape[0]):
             for i in range(STATES):
@@ -66,17 +53,17 @@ def state_coefficients(where, inputs, parameters, by_state, room):  # type: igno
             if place < 0:
                 for i in range(SEEN):
                     s[i] = 1.0 if i == SEEN + place else 0.0  # at rest first
-            call_effect(where, s, parameters, c, values, outputs)
+            call_effect(where, s, parameters[c], 0)
             for i in range(OUTPUTS):
                 if place < 0:
                     column = SEEN + place
-                    by_state[i, column, c] = outputs[i] - (by_state[i, SEEN, c] if column >= 0 else 0.0)
+                    by_state[i, column, c] = s[STATES + i] - (by_state[i, SEEN, c] if column >= 0 else 0.0)
                     continue
                 total, size = by_state[i, SEEN, c], abs(by_state[i, SEEN, c])
                 for j in range(SEEN):
                     total += by_state[i, j, c] * s[j]
                     size += abs(by_state[i, j, c] * s[j])
-                if not abs(outputs[i] - total) <= _LINEAR_TOLERANCE * size:
+                if not abs(s[STATES + i] - total) <= _LINEAR_TOLERANCE * size:
                     return False
     return True
 

@@ -53,11 +53,11 @@ def rates(state, rows, which, system, mode):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _call_effect(slot, s, p, functions, slots):  # type: ignore[no-untyped-def]
-    """Call an effect; its outputs follow its inputs in ``s``."""
+def call_effect(where, s, p, first):  # type: ignore[no-untyped-def]
+    """Call the effect at an address, whose parameters begin at ``p[first]``; its outputs follow its inputs in ``s``."""
     for i in range(STATES, STATES + OUTPUTS):
         s[i] = 0.0
-    call_within(functions[slot], s, p, int(slots[slot, FIRST]))
+    call_within(where, s, p, first)
 
 
 @inlined
@@ -107,7 +107,7 @@ def state_rates(state, system, flags):  # type: ignore[no-untyped-def]
             s[FORCE] = 0.0 if pair else force
             s[Q], s[W] = z[0, at], z[0, at + 1]
             s[NEAR] = flags[NEAR_0 + slot]
-            _call_effect(slot, s, p, functions, slots)
+            call_effect(functions[slot], s, p, int(slots[slot, FIRST]))
             if pair:
                 law += s[STATES + PAIR]
                 continue
@@ -150,7 +150,7 @@ def _call_effect_derivative(slot, row, state, system, flags, force):  # type: ig
     s[Q] = complex(z[0, at], _H * z[row, at])
     s[W] = complex(z[0, at + 1], _H * z[row, at + 1])
     s[NEAR] = flags[NEAR_0 + slot]
-    _call_effect(slot, s, system.p_complex, system.functions[1], slots)
+    call_effect(system.functions[1, slot], s, system.p_complex, int(slots[slot, FIRST]))
 
 
 @part

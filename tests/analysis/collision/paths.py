@@ -30,11 +30,8 @@ CASES: list[tuple[Collision, list[ActiveEffect]]] = [
 
 def paths_in_python(patch: pytest.MonkeyPatch) -> None:
     """Let path and effects be called in plain Python."""
-    numbered, functions = solver_in_python(
-        patch, first_order, linear_coefficients, linearisation, on_moving_frame, path_matrices
-    )
+    numbered = solver_in_python(patch, first_order, linear_coefficients, linearisation, on_moving_frame, path_matrices)
     patch.setattr(first_order, "address", numbered)
-    patch.setattr(linear_coefficients, "call", lambda number, s, p, out: functions[int(number)](s, p, out))
 
 
 def noting(cut: Any, taken: list[int]) -> Any:

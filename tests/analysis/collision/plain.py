@@ -40,10 +40,10 @@ def made_plain(patch: pytest.MonkeyPatch, *modules: ModuleType) -> None:
                 patch.setattr(module, name, instead)
 
 
-def solver_in_python(patch: pytest.MonkeyPatch, *more: ModuleType) -> tuple[Callable[[Any], int], list[Any]]:
+def solver_in_python(patch: pytest.MonkeyPatch, *more: ModuleType) -> Callable[[Any], int]:
     """Let solver, effects and ``more`` be called in plain Python.
 
-    Returns what gives a function a number in the place of its address, and the functions by their numbers.
+    Returns what gives a function a number in the place of its address.
     """
     made_plain(patch, *SOLVER, *more)
     functions: list[Any] = [None]  # an address is never zero
@@ -58,7 +58,7 @@ def solver_in_python(patch: pytest.MonkeyPatch, *more: ModuleType) -> tuple[Call
     patch.setattr(mechanical_effects, "address", numbered)
     patch.setattr(mechanical_effects, "complex_address", numbered)
     patch.setattr(rates, "call_within", within)
-    return numbered, functions
+    return numbered
 
 
 def cut(room: np.ndarray, at: int, shape: tuple[int, ...]) -> tuple[np.ndarray, int]:

@@ -7,7 +7,7 @@ from analysis.collision.effects import effect_named
 from analysis.collision.solver import first_order, general
 from analysis.collision.solver.general import ActiveEffect
 from analysis.collision.solver.linearisation import linear_path
-from tests.analysis.collision.paths import CASES, RIG, TIME_S, noting, paths_in_python
+from tests.analysis.collision.paths import CASES, RIG, TIME_S, paths_in_python
 from tests.analysis.collision.plain import LINES_FOLLOWED
 
 
@@ -61,16 +61,3 @@ def test_a_sample_is_divided_into_a_power_of_two_steps_of_half_a_radian(turns: f
     row = effect_named("block_mode")
     rate = row.fastest(np.array([1e-5, 100.0, 0.01]), RIG)
     assert first_order.steps_per_sample(row, (1e-5, 100.0, 0.01), RIG, turns / rate) == steps
-
-
-@pytest.mark.parametrize("hidden", [0, 2])
-@pytest.mark.parametrize("count", [1, 5])
-def test_the_room_of_a_march_is_what_its_arrays_take(count: int, hidden: int, plain: pytest.MonkeyPatch) -> None:
-    taken: list[int] = []
-    plain.setattr(first_order, "cut", noting(first_order.cut, taken))
-    plain.setattr(first_order, "cut_integers", noting(first_order.cut_integers, taken))
-    path = linear_path(RIG, CASES[3][1][:1] if hidden else [], TIME_S)
-    parameters = np.tile([1e-9, 120.0, 0.1], (count, 1))
-    first_order.first_order_change(path, effect_named("block_mode"), RIG, parameters, TIME_S.size)
-    room = first_order._room_size(path.propagator.shape[1], count)
-    assert room - 20 - 4 * count <= max(taken) <= room

@@ -13,7 +13,6 @@ from analysis.collision.effects.kernel import (
     OUTPUTS,
     STATES,
     address,
-    call,
     call_within,
     complex_address,
     kernel_function,
@@ -56,18 +55,11 @@ def test_an_effect_is_compiled_for_numbers_and_for_numbers_with_a_derivative() -
     np.testing.assert_allclose(found.imag / 1e-30, (ahead - back) / 2e-6, rtol=1e-8, atol=1e-9)
 
 
-def test_a_kernel_calls_it_with_arrays_or_within_one_array() -> None:
-    @njit
-    def with_arrays(where, s, p, out):  # type: ignore[no-untyped-def]
-        call(where, s, p, out)
-
+def test_a_kernel_calls_it_within_one_array() -> None:
     @njit
     def within(where, s, p, first):  # type: ignore[no-untyped-def]
         call_within(where, s, p, first)
 
-    out = np.ones(OUTPUTS)
-    with_arrays(address(made_up), np.array(S), np.array(P), out)
-    np.testing.assert_allclose(out - 1.0, exact(S, P), rtol=1e-14)
     both = np.array([*S, *[1.0] * OUTPUTS])
     within(address(made_up), both, np.array([9.0, 9.0, *P]), 2)
     np.testing.assert_allclose(both, [*S, *(1.0 + exact(S, P))], rtol=1e-14)

@@ -21,7 +21,7 @@ from analysis.collision.effects.kernel import (
     X,
     address,
 )
-from analysis.collision.solver.linear_coefficients import ROOM, SEEN, coefficients, state_coefficients
+from analysis.collision.solver.linear_coefficients import SEEN, coefficients, state_coefficients
 
 POINTS = np.random.default_rng(1).standard_normal((5, STATES))
 POINTS[:, SIGN_V], POINTS[:, BLOCK_MASS], POINTS[:, PLATE_STIFFNESS] = -1.0, 0.02, 200.0
@@ -31,7 +31,7 @@ def in_state(name: str, *starts: tuple[float, ...], points: np.ndarray = POINTS)
     kernel, out = effect_named(name).kernel, np.zeros((OUTPUTS, SEEN + 1, len(starts)))
     assert kernel is not None
     parameters = np.array([[*values, 0.0, 0.0][:3] for values in starts])
-    linear = state_coefficients(address(kernel), points.copy(), parameters, out, np.zeros(ROOM))
+    linear = state_coefficients(address(kernel), points.copy(), parameters, out, np.zeros(STATES + OUTPUTS))
     return out if linear else None
 
 
@@ -79,7 +79,8 @@ def test_a_hidden_state_is_linear_or_refused() -> None:
         kernel, out = effect_named(name).kernel, np.zeros((OUTPUTS, 2, 1))
         assert kernel is not None
         parameters = np.array([[*values, 0.0, 0.0][:3]])
-        return out[:, :, 0] if coefficients(address(kernel), POINTS.copy(), parameters, out, np.zeros(ROOM)) else None
+        s, outputs = np.zeros(STATES + OUTPUTS), np.zeros((4, OUTPUTS))
+        return out[:, :, 0] if coefficients(address(kernel), POINTS, parameters, out, s, outputs) else None
 
     arm = np.zeros((OUTPUTS, 2))
     arm[ON_PLATE, 0], arm[Q_RATE, 0] = -1.0, -4.0

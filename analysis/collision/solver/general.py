@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis.collision.parameters import Collision, Floats
 from analysis.collision.solver import march
@@ -93,14 +92,10 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True)
 class EventLog:
-    """The events as the kernel recorded them; an event is copied only when it is read, because most never are.
-
-    ``numbers`` is the length of a state.
-    """
+    """The events as the kernel recorded them; an event is copied only when it is read, because most never are."""
 
     kinds: tuple[str, ...]
     record: Record
-    numbers: int
 
     @property
     def events(self) -> tuple[Event, ...]:
@@ -108,13 +103,13 @@ class EventLog:
         return tuple(self._event(place) for place, kind in enumerate(self.kinds) if kind != "apart")
 
     def _event(self, place: int) -> Event:
-        record, numbers = self.record, self.numbers
+        record = self.record
         return Event(
             self.kinds[place],
             float(record.event_time[place]),
-            record.event_state[place, :numbers].copy(),
+            record.event_state[place].copy(),
             record.event_d_time[place].copy(),
-            record.event_d_state[place, :, :numbers].copy(),
+            record.event_d_state[place].copy(),
         )
 
     @property
@@ -153,72 +148,50 @@ def solve(
     stride is then at most 1: a hinge of 5 N/m causes an error of 3 pm (130 pm at stride 2), one of 50 N/m 30 pm.
     Raises TooManyEvents, UnboundedMotion, ValueError.
     """
-    request = _Request(time_s, tuple(directions), block)
-    record, count, system = _solved(collision, effects, request, stride, rates or fastest_rates(collision, effects))
+    rates = rates or fastest_rates(collision, effects)
+    record = _solved(collision, effects, time_s, rates, directions=directions, stride=stride, block=block)
     left = block // record.block
     states, d_x = averaged(record.states, left), averaged(record.d_x, left)
-    kinds = tuple(map(_kind, record.event_kind[:count].tolist()))
+    kinds = tuple(map(_kind, record.event_kind.tolist()))
     x, v, y, u, point = states[:, :5].T
-    log = EventLog(kinds, record, system.numbers)
-    return Trajectory(collision, x, v, y, u, point, d_x, log, record.times, block)
-
-
-@dataclass(frozen=True, slots=True)
-class MotionWithModes:
-    """A motion with its modes: time, kind, state and mode after each of e events, and states at n times.
-
-    ``modes`` has shape (e, flags); ``event_states``, shape (e, 4 + hidden), and ``states``, shape (n, 4 + hidden),
-    include the effects' hidden states.
-    """
-
-    time_s: Floats
-    kinds: NDArray[np.int64]
-    event_states: Floats
-    modes: Floats
-    states: Floats
+    return Trajectory(collision, x, v, y, u, point, d_x, EventLog(kinds, record), record.times, block)
 
 
 def solve_with_modes(
     collision: Collision, effects: Sequence[ActiveEffect], time_s: Floats, spacing_s: float = 0.0
-) -> MotionWithModes:
-    """Solve as ``solve`` does, and return complete states and modes; ``spacing_s`` is the spacing of most times."""
-    request = _Request(time_s, whole=True, spacing_s=spacing_s)
-    record, count, system = _solved(collision, effects, request, 1.0, fastest_rates(collision, effects))
-    states = np.delete(record.states[:, : 1 + system.numbers], 4, axis=1)  # without the contact point
-    return MotionWithModes(
-        record.event_time[:count],
-        record.event_kind[:count],
-        record.event_state[:count, : system.numbers],
-        record.event_mode[:count],
-        states,
-    )
+) -> Record:
+    """Solve as ``solve`` does, and return all that was recorded; ``spacing_s`` is the spacing of most times.
 
-
-@dataclass(frozen=True, slots=True)
-class _Request:
-    """The requested times and ``directions``; outputs are means over ``block``; ``whole``: with hidden states."""
-
-    time_s: Floats
-    directions: tuple[int, ...] = ()
-    block: int = 1
-    whole: bool = False
-    spacing_s: float = 0.0  # spacing of most times; 0: unknown
+    The events are those that occurred, each with the mode after it.  The states include the hidden states.
+    """
+    return _solved(collision, effects, time_s, fastest_rates(collision, effects), whole=True, spacing_s=spacing_s)
 
 
 def _solved(
-    collision: Collision, effects: Sequence[ActiveEffect], request: _Request, stride: float, rates: FastestRates
-) -> tuple[Record, int, System]:
-    times = np.ascontiguousarray(request.time_s, dtype=np.float64)
-    if times.ndim != 1 or times.size < request.block or not np.all(times[1:] >= times[:-1]):
+    collision: Collision,
+    effects: Sequence[ActiveEffect],
+    time_s: Floats,
+    rates: FastestRates,
+    *,
+    directions: Sequence[int] = (),
+    stride: float = 1.0,
+    block: int = 1,
+    whole: bool = False,
+    spacing_s: float = 0.0,
+) -> Record:
+    """Return the solution; ``whole``: with hidden states; ``spacing_s``: the spacing of most times (0: unknown)."""
+    times = np.ascontiguousarray(time_s, dtype=np.float64)
+    if times.ndim != 1 or times.size < block or not np.all(times[1:] >= times[:-1]):
         raise ValueError("time_s must be one-dimensional, not empty and ascending")
-    system = build_system(collision, effects, request.directions)
-    shown = 1 + system.numbers if request.whole else 5
-    record = _record(times, request.block, system, shown)
+    system = build_system(collision, effects, directions)
+    numbers = system.numbers
+    shown = 1 + numbers if whole else 5
+    record = _record(times, block, system, shown)
     closed: Any = march.in_closed_form
     count = march.NOT_LINEAR
     if not any(active.effect.nonlinear for active in effects):
         room = np.zeros(march.room_for(system, record))
-        count = closed(system, record, np.array([*rates.of_modes, request.spacing_s]), room)
+        count = closed(system, record, np.array([*rates.of_modes, spacing_s]), room)
     if count == march.NOT_LINEAR:
         record = _record(times, 1, system, shown)
         stepped: Any = march.step_by_step
@@ -231,7 +204,14 @@ def _solved(
         raise TooManyEvents("more steps than a solution may take")
     if count < 0:
         raise UnboundedMotion("the motion grows without bound")
-    return record, int(count), system
+    return record._replace(
+        event_time=record.event_time[:count],
+        event_kind=record.event_kind[:count],
+        event_state=record.event_state[:count, :numbers],
+        event_mode=record.event_mode[:count],
+        event_d_time=record.event_d_time[:count],
+        event_d_state=record.event_d_state[:count, :, :numbers],
+    )
 
 
 def _record(times: Floats, block: int, system: System, shown: int) -> Record:

@@ -33,8 +33,8 @@ from analysis.collision.solver.modes import (
     SIGN,
     VELOCITY,
 )
-from analysis.collision.solver.path_matrices import FRESH, INPUTS, NONE, Matrices, Steps, room_for, write_matrices
-from analysis.collision.solver.system import Integers
+from analysis.collision.solver.path_matrices import INPUTS, NONE, Steps, room_for, write_matrices
+from analysis.collision.solver.system import Integers, Record
 from analysis.compiled import kernel
 
 _SWING = 0.25  # largest phase step in rad
@@ -111,11 +111,11 @@ def linear_path(
         events = general.solve_with_modes(collision, acting, time_s)
         cut = _cut_at_events(events, time_s, (pieces, apart))
         if for_forces and not active:
-            states = np.zeros((cut.event.size, 3, events.states.shape[1]))
-            states[:, 0] = events.event_states[np.maximum(cut.event, 0)]
+            states = np.zeros((cut.event.size, 3, events.event_state.shape[1]))
+            states[:, 0] = events.event_state[np.maximum(cut.event, 0)]
             return _with_matrices(collision, active, events, states, cut, for_forces=True)
         early = cut.event < 0
-        apart_now = events.modes[cut.event, PHASE] == FREE
+        apart_now = events.event_mode[cut.event, PHASE] == FREE
         halves = np.where(early, pieces, np.where(apart_now, pieces // apart, 1))
         instants, place = np.empty(2 * int(halves.sum()) + 1), np.empty(early.size, dtype=np.int64)
         _write_instants(cut.begin_s, cut.end_s, halves, int(early.sum()), instants, place)
@@ -123,7 +123,8 @@ def linear_path(
     except (TooManyEvents, UnboundedMotion) as why:
         raise Infeasible(str(why)) from why
     way = np.where(early, -halves, halves)
-    states = run.states[place[:, None] + way[:, None] * np.arange(3)]
+    without_contact_point = np.delete(run.states, 4, axis=1)
+    states = without_contact_point[place[:, None] + way[:, None] * np.arange(3)]
     return _with_matrices(collision, active, events, states, cut)
 
 
@@ -142,7 +143,7 @@ class _Cut(NamedTuple):
 def _with_matrices(
     collision: Collision,
     active: Sequence[ActiveEffect],
-    events: general.MotionWithModes,
+    events: Record,
     states: Floats,
     cut: _Cut,
     *,
@@ -157,23 +158,22 @@ def _with_matrices(
     probes = [direction(hidden, 0), direction(hidden, 1), direction(len(probed) - 1, 0)]
     system = build_system(collision, probed, [*[-1] * (n + 2), *probes])
     slots = [slot + (slot >= hidden) for slot in range(len(active))]
-    count, mode_of = event.size, np.zeros((events.time_s.size + 1, NEAR_0 + len(probed)))
-    mode_of[:-1, :NEAR_0] = events.modes[:, :NEAR_0]
-    mode_of[:-1, [NEAR_0 + slot for slot in slots]] = events.modes[:, NEAR_0 : NEAR_0 + len(active)]
+    count, mode_of = event.size, np.zeros((events.event_time.size + 1, NEAR_0 + len(probed)))
+    mode_of[:-1, :NEAR_0] = events.event_mode[:, :NEAR_0]
+    mode_of[:-1, [NEAR_0 + slot for slot in slots]] = events.event_mode[:, NEAR_0 : NEAR_0 + len(active)]
     mode_of[:-1, PLATE] = 1.0  # here the plate is always integrated with the block
     mode_of[-1, SIGN] = -1.0  # the mode of the steps before the first event
     states[early, :, 2:] = states[np.argmin(early), 0, 2:] if not early.all() else 0.0  # as when the bodies meet
     fresh = np.diff(event, prepend=-2) != 0
     item = np.full(count, NONE)
-    item[fresh] = [_guard_of(int(events.kinds[e]), slots) if e > 0 else FRESH for e in event[fresh]]
-    out = Matrices(
-        np.empty((count, n, n)), np.empty((count, 3, n, INPUTS)), np.empty((0 if for_forces else count, 3, STATES)),
-        np.zeros((count, n)), np.zeros((count, n + 1)),
+    item[fresh] = [_guard_of(int(events.event_kind[e]), slots) if e > 0 else NONE for e in event[fresh]]
+    path = LinearPath(
+        length_s, cut.sample, early, ~fresh, np.empty((count, n, n)), np.empty((count, 3, n, INPUTS)),
+        np.empty((0 if for_forces else count, 3, STATES)), np.zeros((count, n)), np.zeros((count, n + 1)),
     )  # fmt: skip
-    room = np.zeros(room_for(n))
-    written = write_matrices(system, Steps(states, mode_of, event, length_s, item), out, room)
+    written = write_matrices(system, Steps(states, mode_of, event, item), path, np.zeros(room_for(n)))
     assert written
-    return LinearPath(length_s, cut.sample, early, ~fresh, *out)
+    return path
 
 
 def _guard_of(kind: int, slots: Sequence[int]) -> int:
@@ -188,14 +188,14 @@ def _guard_of(kind: int, slots: Sequence[int]) -> int:
     return OVERLAP_RATE if PARTING in (before, after) else FORCE
 
 
-def _cut_at_events(events: general.MotionWithModes, time_s: Floats, each: tuple[int, int]) -> _Cut:
+def _cut_at_events(events: Record, time_s: Floats, each: tuple[int, int]) -> _Cut:
     """Return the steps to the samples and events; ``each``: steps per sample in contact and apart."""
-    most = (time_s.size + events.time_s.size) * (max(each) + 1)
+    most = (time_s.size + events.event_time.size) * (max(each) + 1)
     begin, end = np.empty(most), np.empty(most)
     sample, event = np.full(most, -1), np.empty(most, dtype=np.int64)
     spacing = float(time_s[1] - time_s[0])
-    whole = np.where(events.modes[:, PHASE] == FREE, spacing / each[1], spacing / each[0])
-    count = _write_steps(np.ascontiguousarray(time_s), events.time_s, whole, begin, end, sample, event)
+    whole = np.where(events.event_mode[:, PHASE] == FREE, spacing / each[1], spacing / each[0])
+    count = _write_steps(np.ascontiguousarray(time_s), events.event_time, whole, begin, end, sample, event)
     return _Cut(begin[:count], end[:count], sample[:count], event[:count])
 
 

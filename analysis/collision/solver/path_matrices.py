@@ -16,11 +16,11 @@ INPUTS = 6
 _INERTIA = 3
 _CONSTANT_SHARE, _REUSED_STEPS = 1e-9, 16  # if A changes by less than this share over a step, the next 16 reuse it
 _ROUNDING = 1e-12  # of the largest element of a row
-NONE, FRESH = -1, -2  # a step starts at the previous step's end, or anew; otherwise at a guard function's zero
+NONE = -1  # a step does not start at a guard function's zero
 
 
 class Steps(NamedTuple):
-    """Steps: states at start, middle and end, shape (m, 3, n), lengths, and the guard functions at which they start.
+    """Steps: states at start, middle and end, shape (m, 3, n), and the guard functions at whose zero they start.
 
     The mode of a step is ``modes[event]``; the last row is the mode before the first event (-1).
     """
@@ -28,18 +28,7 @@ class Steps(NamedTuple):
     states: Floats
     modes: Floats
     event: Integers
-    length_s: Floats
     item: Integers
-
-
-class Matrices(NamedTuple):
-    """The matrices of every step (see ``LinearPath``)."""
-
-    propagator: Floats
-    weights: Floats
-    effect_inputs: Floats
-    event_jump: Floats
-    event_gradient: Floats
 
 
 @inlined
@@ -139,11 +128,11 @@ def room_for(n: int) -> int:
 
 @kernel
 def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
-    """Write the matrices of every step; return False if ``room`` is too small.  About 1 us each, less if constant.
+    """Write the matrices of every step to a ``LinearPath``; return False if ``room`` is too small.
 
-    If A and E are constant over a step, as for most effects within a mode, they are reused for _REUSED_STEPS steps.
-    If ``out.effect_inputs`` is empty, states are known at events only: the inertia's weights, which depend on them, are
-    NaN.  ``room`` holds ``room_for`` zeros.
+    About 1 us per step, less if the matrices are constant.  If A and E are constant over a step, as for most effects
+    within a mode, they are reused for _REUSED_STEPS steps.  If ``out.effect_inputs`` is empty, states are known at
+    events only: the inertia's weights, which depend on them, are NaN.  ``room`` holds ``room_for`` zeros.
     """
     system, steps, out = by_address(system), by_address(steps), by_address(out)
     n, size = out.propagator.shape[1], 4 * ((out.propagator.shape[1] + 5) // 4)
@@ -162,9 +151,9 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
     if at > room.size:
         return False
     hold, resting, inputs = 0, False, out.effect_inputs.shape[0] > 0
-    reused = _REUSED_STEPS if inputs else steps.length_s.size  # for forces alone all steps of a mode are alike
-    for r in range(steps.length_s.size):
-        linked, length, mode = steps.item[r] == NONE, steps.length_s[r], steps.modes[steps.event[r]]
+    reused = _REUSED_STEPS if inputs else out.length_s.size  # for forces alone all steps of a mode are alike
+    for r in range(out.length_s.size):
+        linked, length, mode = out.linked[r], out.length_s[r], steps.modes[steps.event[r]]
         if steps.item[r] >= 0:
             _jump(r, one, state, aside, system, steps, out.event_jump[r], out.event_gradient[r])
         if not linked:
@@ -207,7 +196,7 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
             _write_effect_inputs(system, out.effect_inputs[r, 1])
         else:
             e[0, 1, _INERTIA] = e[1, 1, _INERTIA] = e[2, 1, _INERTIA] = math.nan
-        if same and abs(length - steps.length_s[r - 1]) < 1e-9 * abs(length):
+        if same and abs(length - out.length_s[r - 1]) < 1e-9 * abs(length):
             _copy_step(r, out)
             if inputs:
                 _update_inertia_weights(r, length, e, half, out)

@@ -162,9 +162,9 @@ def test_hidden_states_are_shown_between_steps_as_they_are_solved(name: str, mon
     closed = general.solve_with_modes(PAPER, effects, within).states
     monkeypatch.setattr(march, "in_closed_form", lambda *_: march.NOT_LINEAR)
     stepped = general.solve_with_modes(PAPER, effects, within).states
-    assert closed.shape == stepped.shape and closed.shape[1] == 6
+    assert closed.shape == stepped.shape and closed.shape[1] == 7
     assert np.all(np.abs(stepped - closed).max(axis=0) <= 2e-6 * np.abs(closed).max(axis=0))
-    assert np.abs(closed[:, 4]).max() > 1e-6
+    assert np.abs(closed[:, 5]).max() > 1e-6
 
 
 def test_times_may_lie_anyhow() -> None:

@@ -49,7 +49,7 @@ def test_the_guard_that_ended_a_mode_is_known_by_its_kind(before: int, after: in
 def steps_of(events_s: list[float], phases: list[int], time_s: np.ndarray, each: tuple[int, int]) -> Any:
     flags = np.zeros((len(phases), NEAR_0))
     flags[:, PHASE] = phases
-    events: Any = SimpleNamespace(time_s=np.array(events_s), modes=flags)
+    events: Any = SimpleNamespace(event_time=np.array(events_s), event_mode=flags)
     return _cut_at_events(events, time_s, each)
 
 

@@ -22,11 +22,11 @@ def log_of(*events: tuple[str, float]) -> EventLog:
     kinds = tuple(kind for kind, _ in events)
     count = len(events)
     record: Any = SimpleNamespace(
-        event_time=np.array([time for _, time in events]), event_state=np.arange(8.0 * count).reshape(count, 8),
+        event_time=np.array([time for _, time in events]), event_state=np.arange(6.0 * count).reshape(count, 6),
         event_d_time=np.arange(2.0 * count).reshape(count, 2),
-        event_d_state=np.arange(16.0 * count).reshape(count, 2, 8),
+        event_d_state=np.arange(12.0 * count).reshape(count, 2, 6),
     )  # fmt: skip
-    return EventLog(kinds, record, 6)
+    return EventLog(kinds, record)
 
 
 def trajectory(log: EventLog, collision: Collision = RIG) -> Trajectory:
@@ -53,9 +53,9 @@ def test_events_are_those_that_change_the_motion_with_their_derivatives() -> Non
         ("touch", 0.0), ("release", 1.0), ("touch", 2.0), ("turn", 2.2), ("release", 3.0),
     ]  # fmt: skip
     third = run.events[2]
-    np.testing.assert_array_equal(third.state, 24.0 + np.arange(6))  # of six numbers: the rest is padding
+    np.testing.assert_array_equal(third.state, 18.0 + np.arange(6))
     np.testing.assert_array_equal(third.time_derivatives, [6.0, 7.0])
-    np.testing.assert_array_equal(third.state_derivatives, [48.0 + np.arange(6), 56.0 + np.arange(6)])
+    np.testing.assert_array_equal(third.state_derivatives, [36.0 + np.arange(6), 42.0 + np.arange(6)])
     last = run.released
     assert isinstance(last, Event) and last.time_s == 3.0
     assert trajectory(log_of(("touch", 0.0), ("release", 1.0), ("touch", 2.0), ("turn", 2.5))).released is None
@@ -133,18 +133,19 @@ def test_what_is_known_to_be_nonlinear_is_not_tried_in_closed_form(monkeypatch: 
 
 
 @pytest.mark.parametrize("name", [None, "block_mode"])
-def test_whole_states_are_recorded_with_modes_and_without_the_contact_point(name: str | None) -> None:
+def test_whole_states_are_recorded_with_modes(name: str | None) -> None:
     """The same motion as solved for its means, and every number of the hidden state."""
     effects = [] if name is None else [ActiveEffect(effect_named(name), (1e-3, 200.0, 0.05))]
     time_s = np.arange(-100, 3000) * 1e-5
     kept = general.solve_with_modes(replace(PAPER, variant=Variant.CLAMPED), effects, time_s, 1e-5)
     run = general.solve(replace(PAPER, variant=Variant.CLAMPED), effects, time_s)
     columns = [run.displacement_m, run.velocity_m_per_s, run.plate_displacement_m, run.plate_velocity_m_per_s]
-    np.testing.assert_allclose(kept.states[:, :4], np.stack(columns, axis=1), atol=1e-13)
-    assert kept.states.shape == (time_s.size, 4 if name is None else 6)
-    assert [general._kind(int(kind)) for kind in kept.kinds] == list(run.log.kinds)
-    np.testing.assert_allclose(kept.time_s, [event.time_s for event in run.events], atol=1e-15)
-    assert kept.modes.shape[0] == kept.kinds.size and kept.modes.dtype == np.float64
+    columns.append(run.contact_point_m)
+    np.testing.assert_allclose(kept.states[:, :5], np.stack(columns, axis=1), atol=1e-13)
+    assert kept.states.shape == (time_s.size, 5 if name is None else 7)
+    assert [general._kind(int(kind)) for kind in kept.event_kind] == list(run.log.kinds)
+    np.testing.assert_allclose(kept.event_time, [event.time_s for event in run.events], atol=1e-15)
+    assert kept.event_mode.shape[0] == kept.event_kind.size and kept.event_state.shape[1] == kept.states.shape[1] - 1
     if name is not None:
-        q, w = kept.states[:, 4], kept.states[:, 5]
+        q, w = kept.states[:, 5], kept.states[:, 6]
         np.testing.assert_allclose(np.gradient(q, time_s)[200:-2], w[200:-2], atol=2e-3 * np.abs(w).max())

@@ -22,6 +22,7 @@ class ModeMatrices(NamedTuple):
 
     Then exp(A h) of a step and its derivatives, those of a block of steps, the output matrix, shape (m, n + 1), and
     that of the mean over a block; ``steps`` has the indices above.  Derivatives have shape (n + 1, n + 1, rows).
+    Those of several modes are stored along a first axis in addition.
     """
 
     a: Floats
@@ -34,21 +35,6 @@ class ModeMatrices(NamedTuple):
     d_whole: Floats
     shown: Floats
     mean: Floats
-    d_mean: Floats
-    steps: Floats
-
-
-class StoredMatrices(NamedTuple):
-    """The forms of several modes along the first axis: ``square`` holds A and exp(A h) of a step and of a block.
-
-    ``d`` holds the derivatives of both, ``guard`` the guard functions and their rates, ``shown`` outputs and means.
-    """
-
-    square: Floats
-    by: Floats
-    d: Floats
-    guard: Floats
-    shown: Floats
     d_mean: Floats
     steps: Floats
 
@@ -73,14 +59,19 @@ def columns(rows):  # type: ignore[no-untyped-def]
 def forms_of(modes, n, count, guards, shown, room, at):  # type: ignore[no-untyped-def]
     """Return the forms of ``modes`` modes, cut from ``room``, and the position after them."""
     m, wide = n + 1, columns(count + 1)
-    square, at = cut(room, at, (modes, 3, m, m))
+    a, at = cut(room, at, (modes, m, m))
     by, at = cut(room, at, (modes, m, m, wide))
-    d, at = cut(room, at, (modes, 2, m, m, wide))
-    guard, at = cut(room, at, (modes, 2, guards, m))
-    what, at = cut(room, at, (modes, 2, shown, m))
+    guard, at = cut(room, at, (modes, guards, m))
+    guard_rate, at = cut(room, at, (modes, guards, m))
+    e, at = cut(room, at, (modes, m, m))
+    d, at = cut(room, at, (modes, m, m, wide))
+    whole, at = cut(room, at, (modes, m, m))
+    d_whole, at = cut(room, at, (modes, m, m, wide))
+    what, at = cut(room, at, (modes, shown, m))
+    mean, at = cut(room, at, (modes, shown, m))
     d_mean, at = cut(room, at, (modes, m, wide))
     steps, at = cut(room, at, (modes, 4))
-    return StoredMatrices(square, by, d, guard, what, d_mean, steps), at
+    return ModeMatrices(a, by, guard, guard_rate, e, d, whole, d_whole, what, mean, d_mean, steps), at
 
 
 @part
@@ -98,10 +89,9 @@ def room_of(n, count, room, at):  # type: ignore[no-untyped-def]
 @inlined
 def form_at(stored, at):  # type: ignore[no-untyped-def]
     """Return one of the stored forms."""
-    square, d, guard, shown = stored.square[at], stored.d[at], stored.guard[at], stored.shown[at]
     return ModeMatrices(
-        square[0], stored.by[at], guard[0], guard[1], square[1], d[0], square[2], d[1], shown[0], shown[1],
-        stored.d_mean[at], stored.steps[at],
+        stored.a[at], stored.by[at], stored.guard[at], stored.guard_rate[at], stored.e[at], stored.d[at],
+        stored.whole[at], stored.d_whole[at], stored.shown[at], stored.mean[at], stored.d_mean[at], stored.steps[at],
     )  # fmt: skip
 
 

@@ -25,8 +25,8 @@ from analysis.collision.solver.matrices import (
     STEP_S,
     STEPS_PER_SAMPLE,
     TERMS,
+    ModeMatrices,
     Room,
-    StoredMatrices,
     columns,
     form_at,
     forms_of,
@@ -59,7 +59,7 @@ from analysis.collision.solver.system import (
     State,
     state_of,
 )
-from analysis.collision.solver.two_bodies import step_two_bodies, step_two_bodies_in_blocks
+from analysis.collision.solver.two_bodies import step_two_bodies
 from analysis.compiled import by_address, cut, cut_integers, inlined, part
 
 _STEP = 0.7  # longest step times the fastest rate: nine steps per period, so that no touch is missed
@@ -81,7 +81,7 @@ class Propagator(NamedTuple):
 
     swings: Floats
     spacing_s: float
-    kept: StoredMatrices
+    kept: ModeMatrices
     modes: Floats
     at: Integers
     active: Integers
@@ -191,12 +191,9 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
             if has_left_for_good(motion.here.z[0], motion.mode, system, omega):
                 why = LEFT_FOR_GOOD
                 break
-        if alone and pieces == 1 and not cleared and (block == 1 or (left == 0 and i != stepper.at[CHECKED_BLOCK])):
-            before, here = i, Ahead(i, last, forward, cleared)
-            if block == 1:
-                i, t = step_two_bodies(z, form, motion, stepper.active, record, here, t)
-            else:
-                i, t = step_two_bodies_in_blocks(z, form, motion, stepper.active, record, here, t)
+        if alone and pieces == 1 and not cleared and i != stepper.at[CHECKED_BLOCK]:
+            before = i
+            i, t = step_two_bodies(z, form, motion, stepper.active, record, Ahead(i, last, forward, cleared), t)
             if i != before:
                 continue
         steps_left -= 1.0

@@ -79,7 +79,7 @@ def test_a_stepper_knows_no_mode_and_no_place_to_be_careful() -> None:
     assert made.every.tolist() == [-1] * 4 + [0, 1] and made.at.tolist() == [0, 0, 0, -1]
     assert made.z.shape == (2, N, 4) and made.z[:, -1, 0].tolist() == [1.0, 1.0]
     assert made.modes.shape == (16, NEAR_0 + 1) and made.active.size == 6
-    assert made.kept.square.shape == (16, 3, N, N) and made.plain.z.shape == (7, 4)
+    assert made.kept.a.shape == made.kept.whole.shape == (16, N, N) and made.plain.z.shape == (7, 4)
 
 
 @pytest.mark.parametrize(

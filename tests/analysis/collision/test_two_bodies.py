@@ -65,8 +65,7 @@ def glided(
     last = len(times) - 1 if forward else 0
     if begin is None:
         begin = 0 if forward else len(times) - 1
-    step: Any = two_bodies.step_two_bodies if block == 1 else two_bodies.step_two_bodies_in_blocks
-    i, t = step(z, form, motion, active, record, Ahead(begin, last, forward, False), 0.0)
+    i, t = two_bodies.step_two_bodies(z, form, motion, active, record, Ahead(begin, last, forward, False), 0.0)
     return int(i), float(t), z[:, 0], record.states
 
 

@@ -60,16 +60,12 @@ from analysis.collision.solver.system import (
     copy_state,
     state_of,
 )
-from analysis.compiled import by_address, cut, cut_integers, inlined, kernel, part
+from analysis.compiled import by_address, cut, cut_integers, kernel, part
 
 TOO_MANY_EVENTS, UNBOUNDED, NOT_LINEAR, NO_ROOM, TOO_MANY_STEPS = -1, -2, -3, -4, -5
-TURN, RANGE = 90, 95  # kinds of event: the block turns; the bodies leave or enter an effect's range (plus its slot)
-
-
-@inlined
-def _event_kind(before, after):  # type: ignore[no-untyped-def]
-    """Return the kind of the event that leads from one phase of the contact to another."""
-    return 10 * before + after
+# Kinds of event: ten times the phase of the contact before it, plus the one after; the block turns; the bodies leave or
+# enter an effect's range (plus its slot).
+TURN, RANGE = 90, 95
 
 
 @part
@@ -93,7 +89,7 @@ def _change_mode(item, mode, slots):  # type: ignore[no-untyped-def]
     for slot in range(slots.shape[0]):  # an attraction acts while the bodies are apart
         if slots[slot, RANGE_AT] >= 0.0:
             mode[NEAR_0 + slot] = 1.0 if after == FREE else 0.0
-    return _event_kind(phase, after)
+    return 10 * phase + after
 
 
 @part
@@ -132,6 +128,17 @@ def _record_event(event, kind, motion, record):  # type: ignore[no-untyped-def]
 
 
 @part
+def _longest_range(system):  # type: ignore[no-untyped-def]
+    """Return the longest range of an effect in m, and its slot; (0, -1) if no effect has a range."""
+    p, slots = system.p, system.slots
+    edge, attracts = 0.0, -1
+    for slot in range(slots.shape[0]):
+        if slots[slot, RANGE_AT] >= 0.0 and p[range_at(slot, slots)] > edge:
+            edge, attracts = p[range_at(slot, slots)], slot
+    return edge, attracts
+
+
+@part
 def _start(system, motion, forward):  # type: ignore[no-untyped-def]
     """Write the state and mode at which the interaction of the bodies begins; return the block's inertia in kg.
 
@@ -141,10 +148,7 @@ def _start(system, motion, forward):  # type: ignore[no-untyped-def]
     p, slots, which = system.p, system.slots, system.which
     here, aside, mode = motion.here, motion.aside, motion.mode
     rows, size = which.size + 1, here.z.shape[1]
-    edge, attracts = 0.0, -1
-    for slot in range(slots.shape[0]):
-        if slots[slot, RANGE_AT] >= 0.0 and p[range_at(slot, slots)] > edge:
-            edge, attracts = p[range_at(slot, slots)], slot
+    edge, attracts = _longest_range(system)
     for j in range(rows):
         for c in range(size):
             here.z[j, c] = 0.0
@@ -187,19 +191,6 @@ def _start(system, motion, forward):  # type: ignore[no-untyped-def]
 
 
 @part
-def _first_after_start(record, system):  # type: ignore[no-untyped-def]
-    """Return the index of the first sample after the start of the solution."""
-    edge = 0.0
-    for slot in range(system.slots.shape[0]):
-        if system.slots[slot, RANGE_AT] >= 0.0:
-            edge = max(edge, system.p[range_at(slot, system.slots)])
-    begins, split = edge / system.p[4], 0
-    while split < record.times.size and record.times[split] <= begins:
-        split += 1
-    return split
-
-
-@part
 def march(begin_mode, run, step_to, write_samples, stepper, system, motion, record):  # type: ignore[no-untyped-def]
     """Solve from the start of the interaction back to the first sample, then forward to the last.
 
@@ -207,7 +198,9 @@ def march(begin_mode, run, step_to, write_samples, stepper, system, motion, reco
     """
     here, there, rows = motion.here, motion.there, system.which.size + 1
     samples = record.block * (record.times.size // record.block)
-    split = min(_first_after_start(record, system), samples)
+    begins, split = _longest_range(system)[0] / system.p[4], 0
+    while split < samples and record.times[split] <= begins:
+        split += 1
     events = 0
     motion.clock[STEPS_LEFT] = MAX_STEPS + MAX_STEPS_PER_SAMPLE * samples
     for way in range(0 if split > 0 else 1, 2):
@@ -219,7 +212,7 @@ def march(begin_mode, run, step_to, write_samples, stepper, system, motion, reco
                 record.event_d_time[0, j - 1] = 0.0
                 for c in range(here.z.shape[1]):
                     record.event_d_state[0, j - 1, c] = here.z[j, c]
-            _record_event(0, _event_kind(FREE, CONTACT), motion, record)
+            _record_event(0, 10 * FREE + CONTACT, motion, record)
             events = 1
         i, last = (split, samples - 1) if forward else (split - 1, 0)
         fresh, cleared = True, False

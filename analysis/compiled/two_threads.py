@@ -5,9 +5,10 @@ Kernels release Python's interpreter lock; scipy's own wrappers of BLAS hold it.
 
 import ctypes
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numba.extending import get_cython_function_address
@@ -47,62 +48,40 @@ def side_by_side(function: Callable[[Item], Result], items: Iterable[Item]) -> l
 
     Calls may be nested.  After an error no further item starts; of several errors, that of the first item is raised.
     """
-    shared = _Shared(function, list(items))
+    waiting = deque(enumerate(items))
+    done: dict[int, Result] = {}
+    errors: dict[int, BaseException] = {}
+
+    def compute_next() -> None:
+        try:
+            place, item = waiting.popleft()
+        except IndexError:  # the other thread has taken the last one
+            return
+        try:
+            done[place] = function(item)
+        except BaseException as error:  # raised in the calling thread
+            errors[place] = error
+
+    def help_out() -> None:
+        try:
+            while waiting and not errors:
+                compute_next()
+        finally:
+            _idle.change(+1)
+
     helper: Future[None] | None = None
-    while (place := shared.next_place()) is not None:
-        if helper is None and shared.waiting and _idle.take():
-            helper = _POOL.submit(shared.help_out)
-        shared.do(place)
+    while waiting and not errors:
+        if helper is None and len(waiting) > 1 and _idle.take():
+            helper = _POOL.submit(help_out)
+        compute_next()
     if helper is not None:
         _idle.change(+1)  # this core, for nested work of the helper; or the core of a helper that has not started
         if not helper.cancel():  # the helper has started, as in nearly all cases
             helper.result()
             _idle.change(-1)
-    return shared.results()
-
-
-class _Shared(Generic[Item, Result]):
-    """The items that the caller and its helper process."""
-
-    def __init__(self, function: Callable[[Item], Result], items: Sequence[Item]) -> None:
-        self._function, self._items = function, items
-        self._done: dict[int, Result] = {}
-        self._errors: dict[int, BaseException] = {}
-        self._next, self._lock = 0, threading.Lock()
-
-    @property
-    def waiting(self) -> bool:
-        """Get whether an item remains to be started."""
-        return self._next < len(self._items) and not self._errors
-
-    def next_place(self) -> int | None:
-        """Return the index of the next item, or None if none remains."""
-        with self._lock:
-            if not self.waiting:
-                return None
-            self._next += 1
-            return self._next - 1
-
-    def do(self, place: int) -> None:
-        """Compute one item and store its result or error."""
-        try:
-            self._done[place] = self._function(self._items[place])
-        except BaseException as error:  # raised in the calling thread
-            self._errors[place] = error
-
-    def help_out(self) -> None:
-        """Compute the remaining items on a core that was idle."""
-        try:
-            while (place := self.next_place()) is not None:
-                self.do(place)
-        finally:
-            _idle.change(+1)
-
-    def results(self) -> list[Result]:
-        """Return the results in order, or raise the first error."""
-        if self._errors:
-            raise self._errors[min(self._errors)]
-        return [self._done[place] for place in range(len(self._items))]
+    if errors:
+        raise errors[min(errors)]
+    return [done[place] for place in range(len(done))]
 
 
 _ONE = ctypes.byref(ctypes.c_double(1.0))

@@ -64,13 +64,12 @@ def simulate(collision: Collision) -> Simulated:
     turn = int(np.argmin(run.displacement_m))
     out = float(run.released.state[1])
     widths = [_smooth_width(collision, off[-1], cutoff) for cutoff in SMOOTH_HZ]
-    stepped = gear(collision, 1.05 * off[-1])
     return Simulated(
         trajectory=run,
         releases_s=off,
         force_peaks_s=peaks,
         velocity_out_m_per_s=out,
-        velocity_out_gear_m_per_s=float(stepped.velocity_m_per_s[-1]),
+        velocity_out_gear_m_per_s=float(gear(collision, 1.05 * off[-1])[-1, 1]),
         cor_quasi_static=abs(out / collision.velocity_in_m_per_s),
         cor_force_peaks=_ratio(peaks),
         cor_onsets=_ratio(on),

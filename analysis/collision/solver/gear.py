@@ -4,8 +4,6 @@ It does not locate contact events: the force switches on and off between two ste
 one step.  ``general`` solves the same model without that error.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from numba import njit
 
@@ -76,27 +74,14 @@ def _integrate(p, variant, dt, steps, every, out):  # type: ignore[no-untyped-de
         s5 += c5 * error
 
 
-@dataclass(frozen=True, slots=True)
-class GearRun:
-    """The paper's simulation on its own grid, arrays of shape (n,); time zero is the first touch."""
+def simulate(collision: Collision, duration_s: float, *, step_s: float = STEP_S, every: int = 1) -> Floats:
+    """Integrate from first touch for ``duration_s``, and return the states at every ``every``-th step, shape (n, 5).
 
-    time_s: Floats
-    displacement_m: Floats
-    velocity_m_per_s: Floats
-    plate_displacement_m: Floats
-    plate_velocity_m_per_s: Floats
-    force_n: Floats
-
-
-def simulate(collision: Collision, duration_s: float, *, step_s: float = STEP_S, every: int = 1) -> GearRun:
-    """Integrate from first touch for ``duration_s``, keeping every ``every``-th step.
-
-    Raises ValueError for a step or duration that is not positive.
+    A state is (x_b, v_b, x_p, v_p, F) in SI units.  Raises ValueError for a step or duration that is not positive.
     """
     if not (step_s > 0 and duration_s > 0 and every >= 1):
         raise ValueError("step_s and duration_s must be positive, every at least 1")
     steps = round(duration_s / step_s)
     out = np.empty((steps // every + 1, 5))
     _integrate(collision.vector, int(Variant(collision.variant)), step_s, steps, every, out)
-    time_s: Floats = np.arange(out.shape[0], dtype=np.float64) * float(every * step_s)
-    return GearRun(time_s, out[:, 0], out[:, 1], out[:, 2], out[:, 3], out[:, 4])
+    return out

@@ -25,12 +25,9 @@ def sensor_effects(effects: Iterable[Effect]) -> list[Effect]:
 
     The cyclic error comes last, because it depends on the path that already includes lag and vibration.
     """
-    wanted = {effect for effect in effects if effect.sensor is not None}
-    if not wanted:
-        return []
-    wider = [row for row in WIDER_EFFECTS.values() if row in wanted]
-    rows = [one for row in CATALOGUE.values() for one in (row, *(other for other in wider if other.widens == row.name))]
-    return [row for row in rows if row in wanted]
+    order = list(CATALOGUE)  # one that widens another acts right after it
+    acting = {effect for effect in effects if effect.sensor is not None}
+    return sorted(acting, key=lambda effect: (order.index(effect.widens or effect.name), effect.widens))
 
 
 def effect_named(name: str) -> Effect:

@@ -33,8 +33,8 @@ from analysis.collision.solver.modes import (
     SIGN,
     VELOCITY,
 )
-from analysis.collision.solver.path_matrices import INPUTS, NONE, Steps, room_for, write_matrices
-from analysis.collision.solver.system import Integers, Record
+from analysis.collision.solver.path_matrices import INPUTS, NONE, Steps, write_matrices
+from analysis.collision.solver.system import Integers, Record, State
 from analysis.compiled import kernel
 
 _SWING = 0.25  # largest phase step in rad
@@ -171,8 +171,10 @@ def _with_matrices(
         length_s, cut.sample, early, ~fresh, np.empty((count, n, n)), np.empty((count, 3, n, INPUTS)),
         np.empty((0 if for_forces else count, 3, STATES)), np.zeros((count, n)), np.zeros((count, n + 1)),
     )  # fmt: skip
-    written = write_matrices(system, Steps(states, mode_of, event, item), path, np.zeros(room_for(n)))
-    assert written
+    size = 4 * ((n + 5) // 4)
+    state, aside = (State(np.zeros((k, size)), np.zeros((k, size)), np.zeros((k, 3))) for k in (n + 6, 2))
+    work = np.zeros((4, n, n)), np.zeros((3, n, INPUTS)), np.zeros((3, n, n))
+    write_matrices(system, Steps(states, mode_of, event, item), path, state, aside, *work)
     return path
 
 

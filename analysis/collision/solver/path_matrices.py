@@ -7,8 +7,8 @@ from analysis.collision.effects.kernel import NEAR, STATES, Q, W
 from analysis.collision.parameters import Floats
 from analysis.collision.solver.modes import guard_derivative
 from analysis.collision.solver.rates import rates
-from analysis.collision.solver.system import Integers, state_of
-from analysis.compiled import by_address, cut, inlined, kernel, part
+from analysis.collision.solver.system import Integers
+from analysis.compiled import by_address, kernel, part
 
 # Inputs of a small effect: forces in N on block, on plate and between them, inertia in kg added to the block,
 # displacement (m) and velocity (m/s) of the contact point.
@@ -31,23 +31,17 @@ class Steps(NamedTuple):
     item: Integers
 
 
-@inlined
-def _inertia(state, z, one, system, mode, e):  # type: ignore[no-untyped-def]
-    """Write the column of the inertia at a state, -v'/m, and fill ``system.effect_input`` for that state."""
-    for i in range(z.size):
-        state.z[0, i] = z[i]
-    mass = rates(state, one, system.which, system, mode)
-    e[1, _INERTIA] = -state.f[0, 1] / mass
-
-
 @part
-def _write_matrices_at(state, z, rows, system, mode, a, e):  # type: ignore[no-untyped-def]
-    """Write A (n, n) and E (n, 6) at a state."""
+def _write_matrices_at(r, point, rows, state, system, steps, a, e, out):  # type: ignore[no-untyped-def]
+    """Write A (n, n), E (n, 6) and the arguments of an effect's function at a point of a step.
+
+    Without derivatives (one row), only the column of the inertia and the arguments.
+    """
     n = a.shape[0]
     for i in range(n):
-        state.z[0, i] = z[i]
-    mass = rates(state, rows, system.which, system, mode)
-    for i in range(n):
+        state.z[0, i] = steps.states[r, point, i]
+    mass = rates(state, rows, system.which, system, steps.modes[steps.event[r]])
+    for i in range(n if rows > 1 else 0):
         for j in range(n):
             a[i, j] = state.f[1 + j, i]
         for j in range(2):
@@ -56,14 +50,11 @@ def _write_matrices_at(state, z, rows, system, mode, a, e):  # type: ignore[no-u
             e[i, j] = state.f[3 + n + j, i]
         e[i, _INERTIA] = 0.0
     e[1, _INERTIA] = -state.f[0, 1] / mass
-
-
-@inlined
-def _write_effect_inputs(system, given):  # type: ignore[no-untyped-def]
-    """Write the arguments of an effect's function at the last evaluated state."""
-    for i in range(STATES):
-        given[i] = system.effect_input[i]
-    given[Q] = given[W] = given[NEAR] = 0.0
+    if out.effect_inputs.shape[0] > 0:
+        given = out.effect_inputs[r, point]
+        for i in range(STATES):
+            given[i] = system.effect_input[i]
+        given[Q] = given[W] = given[NEAR] = 0.0
 
 
 @part
@@ -121,45 +112,31 @@ def _jump(r, one, state, aside, system, steps, event_jump, event_gradient):  # t
         event_jump[j] = -(state.f[0, j] - aside.f[0, j]) / pace
 
 
-def room_for(n: int) -> int:
-    """Return the largest size of the workspace of ``write_matrices`` for states of n numbers."""
-    return (n + 8) * (2 * (n + 6) + 3) + 7 * n * n + 3 * n * INPUTS
-
-
 @kernel
-def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
-    """Write the matrices of every step to a ``LinearPath``; return False if ``room`` is too small.
+def write_matrices(system, steps, out, state, aside, a, e, square):  # type: ignore[no-untyped-def]
+    """Write the matrices of every step to a ``LinearPath``.
 
     About 1 us per step, less if the matrices are constant.  If A and E are constant over a step, as for most effects
     within a mode, they are reused for _REUSED_STEPS steps.  If ``out.effect_inputs`` is empty, states are known at
-    events only: the inertia's weights, which depend on them, are NaN.  ``room`` holds ``room_for`` zeros.
+    events only: the inertia's weights, which depend on them, are NaN.  The last five are workspace, zeros: states with
+    n + 5 derivatives and with one, A at start, middle, end and at three quarters, E at start, middle and end, shape
+    (3, n, 6), and three matrices (n, n).
     """
     system, steps, out = by_address(system), by_address(steps), by_address(out)
-    n, size = out.propagator.shape[1], 4 * ((out.propagator.shape[1] + 5) // 4)
-    rows = n + 6
-    one = room.ndim  # a 1 of the type of ``rows``, so that the kernel is compiled once
-    state, at = state_of(rows, size, room, 0)
-    aside, at = state_of(2, size, room, at)
     state, aside = by_address(state), by_address(aside)
+    n = out.propagator.shape[1]
+    rows, one = n + 6, out.length_s.ndim  # a 1 of the type of ``rows``, so that the kernel is compiled once
     for j in range(n + 2):
         state.z[1 + j, j] = 1.0
-    a, at = cut(room, at, (4, n, n))  # at start, middle, end; at three quarters
-    e, at = cut(room, at, (3, n, INPUTS))
-    half, at = cut(room, at, (n, n))
-    square, at = cut(room, at, (n, n))
-    term, at = cut(room, at, (n, n))
-    if at > room.size:
-        return False
+    half, work, term = square[0], square[1], square[2]
     hold, resting, inputs = 0, False, out.effect_inputs.shape[0] > 0
     reused = _REUSED_STEPS if inputs else out.length_s.size  # for forces alone all steps of a mode are alike
     for r in range(out.length_s.size):
-        linked, length, mode = out.linked[r], out.length_s[r], steps.modes[steps.event[r]]
+        linked, length = out.linked[r], out.length_s[r]
         if steps.item[r] >= 0:
             _jump(r, one, state, aside, system, steps, out.event_jump[r], out.event_gradient[r])
         if not linked:
-            _write_matrices_at(state, steps.states[r, 0], rows, system, mode, a[0], e[0])
-            if inputs:
-                _write_effect_inputs(system, out.effect_inputs[r, 0])
+            _write_matrices_at(r, 0, rows, state, system, steps, a[0], e[0], out)
             hold, resting = 0, False
         rested, resting = resting, hold > 0
         same = rested and resting  # as in the previous step, except the inertia column
@@ -176,25 +153,17 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
             if not same:
                 _copy(a[0], a[2])
                 _copy(e[0], e[2])
-        if not resting:
-            _write_matrices_at(state, steps.states[r, 2], rows, system, mode, a[2], e[2])
-        elif inputs:
-            _inertia(state, steps.states[r, 2], one, system, mode, e[2])
-        if inputs:
-            _write_effect_inputs(system, out.effect_inputs[r, 2])
+        if inputs or not resting:
+            _write_matrices_at(r, 2, one if resting else rows, state, system, steps, a[2], e[2], out)
         if not resting and _nearly_equal(a[0], a[2]) and _nearly_equal(e[0], e[2]):
             hold = reused
         still = resting or hold == reused
         if still and not same:
             _copy(a[0], a[1])
             _copy(e[0], e[1])
-        if not still:
-            _write_matrices_at(state, steps.states[r, 1], rows, system, mode, a[1], e[1])
-        elif inputs:
-            _inertia(state, steps.states[r, 1], one, system, mode, e[1])
-        if inputs:
-            _write_effect_inputs(system, out.effect_inputs[r, 1])
-        else:
+        if inputs or not still:
+            _write_matrices_at(r, 1, one if still else rows, state, system, steps, a[1], e[1], out)
+        if not inputs:
             e[0, 1, _INERTIA] = e[1, 1, _INERTIA] = e[2, 1, _INERTIA] = math.nan
         if same and abs(length - out.length_s[r - 1]) < 1e-9 * abs(length):
             _copy_step(r, out)
@@ -204,8 +173,8 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
         for j in range(n):
             for m in range(n):
                 a[3, j, m] = 0.375 * a[2, j, m] + 0.75 * a[1, j, m] - 0.125 * a[0, j, m]  # by a parabola
-        _propagate(a[0], a[1], a[2], length, out.propagator[r], square, term)
-        _propagate(a[1], a[3], a[2], 0.5 * length, half, square, term)
+        _propagate(a[0], a[1], a[2], length, out.propagator[r], work, term)
+        _propagate(a[1], a[3], a[2], 0.5 * length, half, work, term)
         for j in range(n):
             for m in range(INPUTS):
                 begin, mid = 0.0, 0.0
@@ -215,7 +184,6 @@ def write_matrices(system, steps, out, room):  # type: ignore[no-untyped-def]
                 out.weights[r, 0, j, m] = length / 6.0 * begin
                 out.weights[r, 1, j, m] = length / 1.5 * mid
                 out.weights[r, 2, j, m] = length / 6.0 * e[2, j, m]
-    return True
 
 
 @part

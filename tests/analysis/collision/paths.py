@@ -1,7 +1,5 @@
 """A path and the changes along it as plain Python, on a few collisions with and without effects."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 
@@ -32,14 +30,3 @@ def paths_in_python(patch: pytest.MonkeyPatch) -> None:
     """Let path and effects be called in plain Python."""
     numbered = solver_in_python(patch, first_order, linear_coefficients, linearisation, on_moving_frame, path_matrices)
     patch.setattr(first_order, "address", numbered)
-
-
-def noting(cut: Any, taken: list[int]) -> Any:
-    """Return ``cut`` that notes the position after each array."""
-
-    def noted(room: Any, at: int, shape: Any) -> Any:
-        array, end = cut(room, at, shape)
-        taken.append(end)
-        return array, end
-
-    return noted

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Collision, Infeasible
-from analysis.collision.solver import general, on_moving_frame, path_matrices
+from analysis.collision.solver import general, on_moving_frame
 from analysis.collision.solver.linearisation import LinearPath, linear_path
 from tests.analysis.collision.hybrid import Beside, Hybrid
-from tests.analysis.collision.paths import CASES, RIG, TIME_S, noting, paths_in_python
+from tests.analysis.collision.paths import CASES, RIG, TIME_S, paths_in_python
 
 
 @pytest.fixture(autouse=True)
@@ -46,16 +46,6 @@ def test_a_change_of_the_speed_is_carried_as_the_solver_differentiates_it(place:
 def test_an_oscillation_too_fast_for_the_record_is_refused() -> None:
     with pytest.raises(Infeasible, match="too fast"):
         linear_path(Collision(0.02, -0.3, 300.0, 2e-3, 3e7, 0.3), [], TIME_S)
-
-
-@pytest.mark.parametrize("hidden", [0, 2])
-def test_the_room_of_a_path_is_what_its_arrays_take(hidden: int, plain: pytest.MonkeyPatch) -> None:
-    taken: list[int] = []
-    plain.setattr(path_matrices, "cut", noting(path_matrices.cut, taken))
-    path = linear_path(RIG, CASES[3][1][:1] if hidden else [], TIME_S)
-    n = path.propagator.shape[1]
-    room = path_matrices.room_for(n)
-    assert room - 2 * 4 * (n + 8) <= max(taken) <= room  # a state is padded to a multiple of four numbers
 
 
 @pytest.mark.parametrize("place", [0, 1])

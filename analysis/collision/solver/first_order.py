@@ -9,10 +9,10 @@ integrated by Simpson's rule.  The error is of second order in the effect.  If t
 
 import math
 from collections.abc import Sequence
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, ON_PLATE, OUTPUTS, PAIR, STATES, V, X, address
 from analysis.collision.effects.row import Acts, Effect
@@ -28,7 +28,7 @@ from analysis.compiled import by_address, kernel, part
 _PROBED = 16  # points along the trajectory at which the linearity of an effect's function is checked
 _SAME = 1e-9  # relative difference within which two steps have the same length
 _SWING = 0.5  # largest phase step, in rad, of the fastest oscillation of an effect
-_DRIVES = (ON_BLOCK, ON_PLATE, PAIR, MASS)  # in the order of the path's inputs
+_DRIVES = np.array([ON_BLOCK, ON_PLATE, PAIR, MASS])  # in the order of the path's inputs
 
 
 def steps_per_sample(effect: Effect, values: Sequence[float], collision: Collision, spacing_s: float) -> int:
@@ -81,8 +81,8 @@ class _Work(NamedTuple):
     power: Floats
     series: Floats
     scaled: Floats
-    active: Integers
-    driven: Integers
+    active: NDArray[np.bool_]
+    driven: NDArray[np.bool_]
     live: Integers
     terms: Integers
     term_count: Integers
@@ -103,23 +103,28 @@ def first_order_change(
     linear, by_state = np.zeros((OUTPUTS, 2, count)), np.zeros((OUTPUTS, SEEN + 1, count))
     where = address(function)
     inputs = np.ascontiguousarray(path.effect_inputs[places, 1])
-    work = _work(path.propagator.shape[1], count)
-    if hidden and not coefficients(where, inputs, parameters, linear, work.s, np.zeros((4, OUTPUTS))):
+    s = np.zeros(STATES + OUTPUTS)
+    if hidden and not coefficients(where, inputs, parameters, linear, s, np.zeros((4, OUTPUTS))):
         return None
-    constant = hidden and state_coefficients(where, inputs, parameters, by_state, work.s)
+    constant = hidden and state_coefficients(where, inputs, parameters, by_state, s)
     out = np.zeros((samples, count))
     in_flight = acts is Acts.ON_BLOCK and not effect.moves_with_block
     at_starts = _EffectAtStarts(
         where, in_contact, in_flight, hidden, effect.moves_with_block, float(effect.shift), bool(constant),
         parameters, linear, by_state,
     )  # fmt: skip
-    _march(at_starts, np.array(_DRIVES), path, work, out)
+    _march(at_starts, path, _work(at_starts, path.propagator.shape[1], count), out)
     return out
 
 
-def _work(n: int, count: int) -> _Work:
+def _work(effect: _EffectAtStarts, n: int, count: int) -> _Work:
     """Return the arrays of a march for states of n numbers and ``count`` starts."""
-    rows, integers = np.zeros((n + 3 * INPUTS, count)), partial(np.zeros, dtype=np.int64)
+    rows = np.zeros((n + 3 * INPUTS, count))
+    used = np.any(effect.by_state, axis=2)
+    driven = np.any(used, axis=1) | (not effect.constant)
+    active = [
+        (drive == PAIR) == effect.in_contact and bool(driven[drive] or effect.linear[drive].any()) for drive in _DRIVES
+    ] + [effect.shift != 0.0] * 2
     return _Work(
         s=np.zeros(STATES + OUTPUTS),
         bare=np.zeros((3, OUTPUTS, count)),
@@ -133,11 +138,11 @@ def _work(n: int, count: int) -> _Work:
         power=np.zeros((2, 2, count)),
         series=np.zeros((4, 2, 2, count)),
         scaled=np.zeros(n + 3 * INPUTS),
-        active=integers(INPUTS),
-        driven=integers(OUTPUTS),
-        live=integers(n + 3 * INPUTS),
-        terms=integers((OUTPUTS, SEEN + 1)),
-        term_count=integers(OUTPUTS),
+        active=np.array(active),
+        driven=driven,
+        live=np.flatnonzero([True] * n + 3 * active),
+        terms=np.argsort(~used, axis=1, kind="stable"),  # those that are used first
+        term_count=used.sum(axis=1),
     )
 
 
@@ -158,37 +163,6 @@ def weighted_sum(rows, weights, which, number, out):  # type: ignore[no-untyped-
         if one != 0.0 or two != 0.0:
             for c in range(count):
                 out[c] += one * near[c] + two * far[c]
-
-
-@part
-def _mark_active(effect, drives, work):  # type: ignore[no-untyped-def]
-    """Mark the nonzero inputs and outputs, and list the ``live`` rows."""
-    linear, by_state, active, driven = effect.linear, effect.by_state, work.active, work.driven
-    count, n = linear.shape[2], work.state.shape[0]
-    for i in range(OUTPUTS):
-        driven[i] = not effect.constant
-        for j in range(SEEN + 1):
-            used = False
-            for c in range(count):
-                used = used or by_state[i, j, c] != 0.0
-            if used:
-                driven[i] = True
-                work.terms[i, work.term_count[i]] = j
-                work.term_count[i] += 1
-    for i in range(INPUTS):
-        if i >= 4:
-            active[i] = effect.shift != 0.0
-        elif (i == 2) == effect.in_contact:
-            active[i] = driven[drives[i]]
-            for c in range(count):
-                active[i] = active[i] or linear[drives[i], 0, c] != 0.0 or linear[drives[i], 1, c] != 0.0
-    for k in range(n):
-        work.live[k] = k
-    rows = n
-    for k in range(3 * INPUTS):
-        if active[k % INPUTS]:
-            work.live[rows] = n + k
-            rows += 1
 
 
 @part
@@ -230,7 +204,7 @@ def _step_hidden(work):  # type: ignore[no-untyped-def]
 
 
 @part
-def _write_inputs(effect, drives, work):  # type: ignore[no-untyped-def]
+def _write_inputs(effect, work):  # type: ignore[no-untyped-def]
     """Write the inputs of the path at the three points of a step."""
     linear, h, u, bare, count = effect.linear, work.h, work.u, work.bare, work.moved.size
     for point in range(3):
@@ -241,7 +215,7 @@ def _write_inputs(effect, drives, work):  # type: ignore[no-untyped-def]
                 for c in range(count):
                     u[point, i, c] = effect.shift * h[point, i - 4, c]
                 continue
-            from_ = drives[i]
+            from_ = _DRIVES[i]
             for c in range(count):
                 by_hidden = linear[from_, 0, c] * h[point, 0, c] + linear[from_, 1, c] * h[point, 1, c]
                 u[point, i, c] = bare[point, from_, c] + by_hidden
@@ -286,14 +260,13 @@ def _step_state(path, r, work):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _march(effect, drives, path, work, out):  # type: ignore[no-untyped-def]
+def _march(effect, path, work, out):  # type: ignore[no-untyped-def]
     """Write the block's change of position at the samples, shape (samples, k).
 
     Takes about 15 ns per step and start if the effect's coefficients are ``constant``, otherwise 40 ns.
     """
     effect, path, work = by_address(effect), by_address(path), by_address(work)
     count, n, early = effect.parameters.shape[0], path.propagator.shape[1], path.early
-    _mark_active(effect, drives, work)
     last, begun = math.nan, False
     for r in range(path.length_s.size):
         if not early[r] and not begun:
@@ -318,7 +291,7 @@ def _march(effect, drives, path, work, out):  # type: ignore[no-untyped-def]
                 _write_bare(effect, path, r, point, work)
         if effect.hidden:
             _step_hidden(work)
-        _write_inputs(effect, drives, work)
+        _write_inputs(effect, work)
         if not path.linked[r]:
             for c in range(count):
                 work.moved[c] = path.event_gradient[r, n] * effect.shift * work.h[0, 0, c]

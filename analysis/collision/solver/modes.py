@@ -31,6 +31,14 @@ def set_phase(phase, mode):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def rate_at(mode, forward):  # type: ignore[no-untyped-def]
+    """Return the index of a mode's fastest rate: in contact, apart, after the block has left, before the touch."""
+    if not forward:
+        return 3
+    return 0 if mode[PHASE] != FREE else (1 if mode[PLATE] > 0.5 else 2)
+
+
+@inlined
 def may_have_left_for_good(x, y, mode):  # type: ignore[no-untyped-def]
     """Return whether ``has_left_for_good`` needs to be evaluated."""
     return mode[PHASE] == FREE and mode[PLATE] > 0.5 and x > 2e-5 + 1.5 * abs(y)

@@ -34,16 +34,15 @@ from analysis.collision.solver.matrices import (
     room_of,
 )
 from analysis.collision.solver.modes import (
-    FREE,
     NEAR_0,
     OVERLAP,
-    PHASE,
     PLATE,
     RANGE_0,
     VELOCITY,
     has_left_for_good,
     may_have_left_for_good,
     may_touch,
+    rate_at,
 )
 from analysis.collision.solver.rates import rates
 from analysis.collision.solver.system import (
@@ -72,7 +71,7 @@ PRESENT, MODES_MET, STEPS_TO_SAMPLE, CHECKED_BLOCK = 0, 1, 2, 3
 
 
 class Propagator(NamedTuple):
-    """``swings``: the fastest rates in rad/s in contact, apart, after the block has left, and before the touch.
+    """``swings``: the fastest rates in rad/s (``rate_at``).
 
     ``kept``: the matrices of the ``modes`` met so far, shape (16, flags); ``z``: the state and its derivatives as
     columns, now and a step ahead, shape (2, n + 1, rows up to a multiple of four); ``active``: the number of monitored
@@ -125,8 +124,7 @@ def _linearise_mode(stepper, form, system, mode, block, forward):  # type: ignor
     """Write the matrices of a mode at its first occurrence; return False if it is not linear."""
     if not linearise(form, stepper.plain, stepper.every, system, mode):
         return False
-    rows, swings, apart, there = system.which.size + 1, stepper.swings, mode[PHASE] == FREE, mode[PLATE] > 0.5
-    swing = swings[3] if not forward else swings[0 if not apart else (1 if there else 2)]
+    rows, swing, there = system.which.size + 1, stepper.swings[rate_at(mode, forward)], mode[PLATE] > 0.5
     pieces = max(1, math.ceil(stepper.spacing_s / min(_STEP / max(swing, 1e-9), _LONGEST_S) - 1e-9))
     form.steps[STEPS_PER_SAMPLE] = pieces
     form.steps[STEP_S] = (stepper.spacing_s if forward else -stepper.spacing_s) / pieces

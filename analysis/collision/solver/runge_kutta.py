@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from analysis.collision.parameters import Floats
 from analysis.collision.solver.modes import (
-    FREE,
-    PHASE,
     PLATE,
     VELOCITY,
     guard,
@@ -24,6 +22,7 @@ from analysis.collision.solver.modes import (
     has_left_for_good,
     may_have_left_for_good,
     may_touch,
+    rate_at,
 )
 from analysis.collision.solver.rates import derivative_rates, rates, state_rates
 from analysis.collision.solver.system import (
@@ -49,7 +48,7 @@ _STEPS_WITHOUT_GROWTH = 6  # after a rejected step
 # steps that must not grow, and the motion's sixth derivative over 720 (below zero: unknown).
 STEP, LONGEST, EVER, HELD, SIXTH = 0, 1, 2, 3, 4
 _MEMORY = 5
-# Indices into ``limits``: the first of the safe steps and of the rates, one per mode (``_mode_at``), then the others.
+# Indices into ``limits``: the first of the safe steps and of the rates, one per mode (``rate_at``), then the others.
 SAFE, SWINGS, EFFECTS, GROWTH, NEARING, ALLOWED, SHORTEST = 0, 4, 8, 9, 10, 11, 12
 _COST_OF_STEP = 20.0  # computing time of a step, in steps of the closed form
 _MAX_PHASE = 2.0  # largest phase step of the fastest oscillation once it has decayed: the method is stable up to three
@@ -147,19 +146,11 @@ def step_to(stepper, system, motion, h, rows):  # type: ignore[no-untyped-def]
 def begin_mode(stepper, system, motion, record, forward):  # type: ignore[no-untyped-def]
     here, mode, memory, limits = motion.here, motion.mode, stepper.memory, stepper.limits
     rates(here, system.which.size + 1, system.which, system, mode)
-    mode_at = _mode_at(mode, forward)
-    longest, swing = limits[SAFE + mode_at], limits[SWINGS + mode_at]
+    at = rate_at(mode, forward)
+    longest, swing = limits[SAFE + at], limits[SWINGS + at]
     memory[EVER] = max(longest, min(_MAX_PHASE / swing, limits[EFFECTS]) if swing > 0.0 else longest)
     memory[LONGEST], memory[STEP], memory[HELD], memory[SIXTH] = longest, longest * limits[SHORTEST], 0.0, -1.0
     return True
-
-
-@inlined
-def _mode_at(mode, forward):  # type: ignore[no-untyped-def]
-    """Return the index of a mode among the limits."""
-    if not forward:
-        return 3
-    return 0 if mode[PHASE] != FREE else (1 if mode[PLATE] > 0.5 else 2)
 
 
 @inlined
@@ -230,7 +221,7 @@ def run(stepper, system, motion, record, ahead):  # type: ignore[no-untyped-def]
     rows, i, times, cleared = system.which.size + 1, ahead.i, record.times, ahead.cleared
     growth, nearing, longest = stepper.limits[GROWTH], stepper.limits[NEARING], memory[LONGEST]
     shortest = longest * stepper.limits[SHORTEST]
-    swing = stepper.limits[SWINGS + _mode_at(motion.mode, ahead.forward)]
+    swing = stepper.limits[SWINGS + rate_at(motion.mode, ahead.forward)]
     omega, way = math.sqrt(system.p[0] / system.p[1]), 1.0 if ahead.forward else -1.0
     while (i <= ahead.last) if ahead.forward else (i >= ahead.last):
         far = ahead.forward and may_have_left_for_good(here.z[0, 0], here.z[0, 2], motion.mode)

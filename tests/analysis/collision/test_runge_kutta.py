@@ -132,7 +132,7 @@ def test_the_limits_of_a_step_are_those_of_its_mode() -> None:
     def place(phase: int, plate: float, forward: bool) -> int:
         mode = np.zeros(NEAR_0)
         mode[[PHASE, PLATE]] = phase, plate
-        return int(module._mode_at.py_func(mode, forward))
+        return int(modes.rate_at.py_func(mode, forward))
 
     assert [place(CONTACT, 1.0, True), place(FREE, 1.0, True), place(FREE, 0.0, True)] == [0, 1, 2]
     assert place(CONTACT, 1.0, False) == 3 == place(FREE, 0.0, False)

@@ -25,14 +25,13 @@ _ERROR_M, _ORDER = 1e-18, 12  # allowed error of steps beyond the safe length; i
 class Event:
     """A change of mode: ``kind`` "touch", "release", "damping_off", "damping_on", "turn", ...; time from first touch.
 
-    ``state`` is (x_b, v_b, x_p, v_p, hidden states).  The derivatives are total derivatives in the k requested
-    directions: of the event's time, shape (k,), and of the state at the event, shape (k, 4 or more).
+    ``state`` is (x_b, v_b, x_p, v_p, hidden states); ``state_derivatives``, shape (k, 4 or more), are its total
+    derivatives in the k requested directions, those of the event's time included.
     """
 
     kind: str
     time_s: float
     state: Floats
-    time_derivatives: Floats
     state_derivatives: Floats
 
 
@@ -108,7 +107,6 @@ class EventLog:
             self.kinds[place],
             float(record.event_time[place]),
             record.event_state[place].copy(),
-            record.event_d_time[place].copy(),
             record.event_d_state[place].copy(),
         )
 
@@ -209,7 +207,6 @@ def _solved(
         event_kind=record.event_kind[:count],
         event_state=record.event_state[:count, :numbers],
         event_mode=record.event_mode[:count],
-        event_d_time=record.event_d_time[:count],
         event_d_state=record.event_d_state[:count, :, :numbers],
     )
 
@@ -227,7 +224,6 @@ def _record(times: Floats, block: int, system: System, shown: int) -> Record:
         np.empty(MAX_EVENTS, dtype=np.int64),
         np.empty((MAX_EVENTS, size)),
         np.empty((MAX_EVENTS, NEAR_0 + slots)),
-        np.empty((MAX_EVENTS, k)),
         np.empty((MAX_EVENTS, k, size)),
     )
 

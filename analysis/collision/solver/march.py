@@ -109,7 +109,6 @@ def _process_event(item, rows, system, motion, record, event):  # type: ignore[n
     rates(aside, motion.nothing.size, which, system, mode)
     for j in range(1, rows):
         moved = -guard_derivative(item, j, which[j - 1], here, system) / rate
-        record.event_d_time[event, j - 1] = moved
         for c in range(size):
             here.z[j, c] += (here.f[0, c] - aside.f[0, c]) * moved
             record.event_d_state[event, j - 1, c] = here.z[j, c] + aside.f[0, c] * moved
@@ -209,7 +208,6 @@ def march(begin_mode, run, step_to, write_samples, stepper, system, motion, reco
             return UNBOUNDED
         if forward and motion.mode[PHASE] == CONTACT:
             for j in range(1, rows):
-                record.event_d_time[0, j - 1] = 0.0
                 for c in range(here.z.shape[1]):
                     record.event_d_state[0, j - 1, c] = here.z[j, c]
             _record_event(0, 10 * FREE + CONTACT, motion, record)

@@ -83,7 +83,7 @@ class Record(NamedTuple):
     """The requested times and the solution: ``states``, shape (m, 5 or more), as means over ``block`` of ``times``.
 
     States are (x_b, v_b, x_p, v_p, contact point, hidden states if there are columns for them); ``d_x``, shape (m, k),
-    are the derivatives of x_b.  Then every event's time, kind, state, mode, dt/dtheta and d(state at the event)/dtheta.
+    are the derivatives of x_b.  Then every event's time, kind, state, mode and d(state at the event)/dtheta.
     """
 
     times: Floats
@@ -94,7 +94,6 @@ class Record(NamedTuple):
     event_kind: Integers
     event_state: Floats
     event_mode: Floats
-    event_d_time: Floats
     event_d_state: Floats
 
 

@@ -23,7 +23,6 @@ def log_of(*events: tuple[str, float]) -> EventLog:
     count = len(events)
     record: Any = SimpleNamespace(
         event_time=np.array([time for _, time in events]), event_state=np.arange(6.0 * count).reshape(count, 6),
-        event_d_time=np.arange(2.0 * count).reshape(count, 2),
         event_d_state=np.arange(12.0 * count).reshape(count, 2, 6),
     )  # fmt: skip
     return EventLog(kinds, record)
@@ -54,7 +53,6 @@ def test_events_are_those_that_change_the_motion_with_their_derivatives() -> Non
     ]  # fmt: skip
     third = run.events[2]
     np.testing.assert_array_equal(third.state, 18.0 + np.arange(6))
-    np.testing.assert_array_equal(third.time_derivatives, [6.0, 7.0])
     np.testing.assert_array_equal(third.state_derivatives, [36.0 + np.arange(6), 42.0 + np.arange(6)])
     last = run.released
     assert isinstance(last, Event) and last.time_s == 3.0

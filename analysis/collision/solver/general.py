@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.collision.parameters import Collision, Floats
+from analysis.collision.parameters import Collision, Floats, Infeasible
 from analysis.collision.solver import march
 from analysis.collision.solver.mechanical_effects import ActiveEffect as ActiveEffect
 from analysis.collision.solver.mechanical_effects import FastestRates, build_system, fastest_rates
@@ -35,7 +35,7 @@ class Event:
     state_derivatives: Floats
 
 
-class TooManyEvents(ArithmeticError):
+class TooManyEvents(Infeasible):
     """The contact chatters, or oscillates so fast that a solution would take minutes."""
 
 
@@ -119,7 +119,7 @@ class EventLog:
         return None
 
 
-class UnboundedMotion(ArithmeticError):
+class UnboundedMotion(Infeasible):
     """The motion grows without bound with these parameters."""
 
 

@@ -17,7 +17,6 @@ from analysis.collision.effects.kernel import ON_BLOCK, ON_PLATE, PAIR, STATES
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.parameters import Collision, Floats, Infeasible
 from analysis.collision.solver import general
-from analysis.collision.solver.general import TooManyEvents, UnboundedMotion
 from analysis.collision.solver.march import RANGE, TURN
 from analysis.collision.solver.mechanical_effects import ActiveEffect, build_system, direction, fastest_rates
 from analysis.collision.solver.modes import (
@@ -107,21 +106,18 @@ def linear_path(
         raise Infeasible("an oscillation is too fast for the sampling of the record")
     # Without effects the block's turn is not an event.  For the effects under test it may be: a zero force adds it.
     acting = active or [ActiveEffect(_PRESS, (0.0,))]
-    try:
-        events = general.solve_with_modes(collision, acting, time_s)
-        cut = _cut_at_events(events, time_s, (pieces, apart))
-        if for_forces and not active:
-            states = np.zeros((cut.event.size, 3, events.event_state.shape[1]))
-            states[:, 0] = events.event_state[np.maximum(cut.event, 0)]
-            return _with_matrices(collision, active, events, states, cut, for_forces=True)
-        early = cut.event < 0
-        apart_now = events.event_mode[cut.event, PHASE] == FREE
-        halves = np.where(early, pieces, np.where(apart_now, pieces // apart, 1))
-        instants, place = np.empty(2 * int(halves.sum()) + 1), np.empty(early.size, dtype=np.int64)
-        _write_instants(cut.begin_s, cut.end_s, halves, int(early.sum()), instants, place)
-        run = general.solve_with_modes(collision, acting, instants, spacing / (2 * pieces))
-    except (TooManyEvents, UnboundedMotion) as why:
-        raise Infeasible(str(why)) from why
+    events = general.solve_with_modes(collision, acting, time_s)
+    cut = _cut_at_events(events, time_s, (pieces, apart))
+    if for_forces and not active:
+        states = np.zeros((cut.event.size, 3, events.event_state.shape[1]))
+        states[:, 0] = events.event_state[np.maximum(cut.event, 0)]
+        return _with_matrices(collision, active, events, states, cut, for_forces=True)
+    early = cut.event < 0
+    apart_now = events.event_mode[cut.event, PHASE] == FREE
+    halves = np.where(early, pieces, np.where(apart_now, pieces // apart, 1))
+    instants, place = np.empty(2 * int(halves.sum()) + 1), np.empty(early.size, dtype=np.int64)
+    _write_instants(cut.begin_s, cut.end_s, halves, int(early.sum()), instants, place)
+    run = general.solve_with_modes(collision, acting, instants, spacing / (2 * pieces))
     way = np.where(early, -halves, halves)
     without_contact_point = np.delete(run.states, 4, axis=1)
     states = without_contact_point[place[:, None] + way[:, None] * np.arange(3)]

@@ -1,10 +1,10 @@
 """First-order change of a solved trajectory by a small effect, for all starting values of the effect at once.
 
-The effect's function is evaluated along the path (``linear_path``).  Every oscillator and relaxation is linear in its
-hidden state with constant coefficients.  The hidden state is therefore propagated exactly, for drives that are
-parabolas over a step.  The small change of block and plate is propagated by the path's propagators, with the drives
-integrated by Simpson's rule.  The error is of second order in the effect.  If the function does not have that form,
-``first_order_change`` returns None, and the trajectory has to be solved again.
+The effect's function is evaluated along the path (``linear_path``).  Every oscillator and relaxation is linear in the
+state and in its hidden state, with constant coefficients.  The hidden state is therefore propagated exactly, for drives
+that are parabolas over a step.  The small change of block and plate is propagated by the path's propagators, with the
+drives integrated by Simpson's rule.  The error is of second order in the effect.  If the function does not have that
+form, ``first_order_change`` returns None, and the trajectory has to be solved again.
 """
 
 import math
@@ -14,10 +14,23 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.collision.effects.kernel import FORCE, MASS, ON_BLOCK, ON_PLATE, OUTPUTS, PAIR, STATES, V, X, address
+from analysis.collision.effects.kernel import (
+    FORCE,
+    MASS,
+    ON_BLOCK,
+    ON_PLATE,
+    OUTPUTS,
+    PAIR,
+    STATES,
+    Q,
+    V,
+    W,
+    X,
+    address,
+)
 from analysis.collision.effects.row import Acts, Effect
 from analysis.collision.parameters import Collision, Floats
-from analysis.collision.solver.linear_coefficients import SEEN, coefficients, hidden_steps, state_coefficients
+from analysis.collision.solver.linear_coefficients import SEEN, coefficients, hidden_steps
 from analysis.collision.solver.linearisation import LinearPath
 from analysis.collision.solver.mechanical_effects import function_of
 from analysis.collision.solver.path_matrices import INPUTS
@@ -41,9 +54,8 @@ class _EffectAtStarts(NamedTuple):
     """An effect at k starts: its address, where it acts, its parameters, shape (k, 3), and its linear coefficients.
 
     ``in_contact``: acts between the bodies; ``in_flight``: acts before the touch too; ``moves_with_block``: its hidden
-    state moves with the block before the touch.  ``linear``, shape (6, 2, k): derivatives of the outputs with respect
-    to the hidden state; ``by_state``, shape (6, 8, k): those with respect to the state and the outputs at rest, if
-    ``constant``.
+    state moves with the block before the touch.  ``linear``, shape (6, 10, k), if it has a hidden state: derivatives of
+    the outputs with respect to state and hidden state, then the outputs at rest.
     """
 
     where: int
@@ -52,10 +64,8 @@ class _EffectAtStarts(NamedTuple):
     hidden: bool
     moves_with_block: bool
     shift: float
-    constant: bool
     parameters: Floats
     linear: Floats
-    by_state: Floats
 
 
 class _Work(NamedTuple):
@@ -100,19 +110,16 @@ def first_order_change(
         return None
     count = parameters.shape[0]
     places = np.unique(np.linspace(0, path.size - 1, _PROBED).astype(np.int64))
-    linear, by_state = np.zeros((OUTPUTS, 2, count)), np.zeros((OUTPUTS, SEEN + 1, count))
+    linear = np.zeros((OUTPUTS, SEEN + 1, count))
     where = address(function)
     inputs = np.ascontiguousarray(path.effect_inputs[places, 1])
-    s = np.zeros(STATES + OUTPUTS)
-    if hidden and not coefficients(where, inputs, parameters, linear, s, np.zeros((4, OUTPUTS))):
+    if hidden and not coefficients(where, inputs, parameters, linear, np.zeros(STATES + OUTPUTS)):
         return None
-    constant = hidden and state_coefficients(where, inputs, parameters, by_state, s)
     out = np.zeros((samples, count))
     in_flight = acts is Acts.ON_BLOCK and not effect.moves_with_block
     at_starts = _EffectAtStarts(
-        where, in_contact, in_flight, hidden, effect.moves_with_block, float(effect.shift), bool(constant),
-        parameters, linear, by_state,
-    )  # fmt: skip
+        where, in_contact, in_flight, hidden, effect.moves_with_block, float(effect.shift), parameters, linear
+    )
     _march(at_starts, path, _work(at_starts, path.propagator.shape[1], count), out)
     return out
 
@@ -120,11 +127,12 @@ def first_order_change(
 def _work(effect: _EffectAtStarts, n: int, count: int) -> _Work:
     """Return the arrays of a march for states of n numbers and ``count`` starts."""
     rows = np.zeros((n + 3 * INPUTS, count))
-    used = np.any(effect.by_state, axis=2)
-    driven = np.any(used, axis=1) | (not effect.constant)
-    active = [
-        (drive == PAIR) == effect.in_contact and bool(driven[drive] or effect.linear[drive].any()) for drive in _DRIVES
-    ] + [effect.shift != 0.0] * 2
+    used = np.any(effect.linear, axis=2)
+    by_hidden = np.any(used[:, [Q, W]], axis=1)
+    used[:, [Q, W]] = False
+    driven = np.any(used, axis=1) | (not effect.hidden)
+    active = [(drive == PAIR) == effect.in_contact and bool(driven[drive] or by_hidden[drive]) for drive in _DRIVES]
+    active += [effect.shift != 0.0] * 2
     return _Work(
         s=np.zeros(STATES + OUTPUTS),
         bare=np.zeros((3, OUTPUTS, count)),
@@ -173,12 +181,12 @@ def _write_bare(effect, path, r, point, work):  # type: ignore[no-untyped-def]
         s[i] = path.effect_inputs[r, point, i]
     if effect.in_contact:
         s[FORCE] = 0.0
-    if effect.constant:
+    if effect.hidden:
         for i in range(OUTPUTS):
             if work.driven[i]:
                 for k in range(work.term_count[i]):
                     work.scaled[k] = s[work.terms[i, k]] if work.terms[i, k] < SEEN else 1.0
-                weighted_sum(effect.by_state[i], work.scaled, work.terms[i], work.term_count[i], bare[point, i])
+                weighted_sum(effect.linear[i], work.scaled, work.terms[i], work.term_count[i], bare[point, i])
         return
     for c in range(effect.parameters.shape[0]):
         call_effect(effect.where, s, effect.parameters[c], 0)
@@ -217,7 +225,7 @@ def _write_inputs(effect, work):  # type: ignore[no-untyped-def]
                 continue
             from_ = _DRIVES[i]
             for c in range(count):
-                by_hidden = linear[from_, 0, c] * h[point, 0, c] + linear[from_, 1, c] * h[point, 1, c]
+                by_hidden = linear[from_, Q, c] * h[point, 0, c] + linear[from_, W, c] * h[point, 1, c]
                 u[point, i, c] = bare[point, from_, c] + by_hidden
 
 
@@ -263,7 +271,7 @@ def _step_state(path, r, work):  # type: ignore[no-untyped-def]
 def _march(effect, path, work, out):  # type: ignore[no-untyped-def]
     """Write the block's change of position at the samples, shape (samples, k).
 
-    Takes about 15 ns per step and start if the effect's coefficients are ``constant``, otherwise 40 ns.
+    Takes about 15 ns per step and start for an effect with a hidden state, otherwise 40 ns.
     """
     effect, path, work = by_address(effect), by_address(path), by_address(work)
     count, n, early = effect.parameters.shape[0], path.propagator.shape[1], path.early

@@ -1,68 +1,41 @@
-"""Linear coefficients of an effect's function in its hidden state and in the state, if it is linear (kernels).
+"""Linear coefficients of an effect's function in the state and in its hidden state, if it is linear (kernels).
 
 The linearity is checked at several points along a trajectory.  A linear hidden state is propagated exactly.
 """
 
-from analysis.collision.effects.kernel import OUTPUTS, STATES, Q, W
+from analysis.collision.effects.kernel import OUTPUTS, Q_RATE, STATES, W_RATE, Q, W
 from analysis.collision.solver.rates import call_effect
 from analysis.compiled import kernel, part
 
-SEEN = 7  # the first inputs of an effect: positions, velocities, overlap, its rate and force
+SEEN = 9  # the first inputs of an effect: positions, velocities, overlap, its rate, force and the hidden state
 _LINEAR_TOLERANCE = 1e-9
 _TERMS = 14  # of the exponential series, enough for the longest step of ``first_order``
 
 
 @kernel
-def coefficients(where, inputs, parameters, linear, s, outputs):  # type: ignore[no-untyped-def]
-    """Write d(outputs)/d(q, w), shape (6, 2, k); return False if they vary.  Four calls per start and point.
+def coefficients(where, inputs, parameters, linear, s):  # type: ignore[no-untyped-def]
+    """Write the outputs at rest and their derivatives by the first inputs, shape (6, 10, k); return False if they vary.
 
-    ``s``, the inputs and outputs of a call, and ``outputs``, shape (4, 6), are workspace.
-    """
-    hidden = ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.4, -0.7))
-    for c in range(parameters.shape[0]):
-        for place in range(inputs.shape[0]):
-            for i in range(STATES):
-                s[i] = inputs[place, i]
-            for trial in range(4):
-                s[Q], s[W] = hidden[trial]
-                call_effect(where, s, parameters[c], 0)
-                for i in range(OUTPUTS):
-                    outputs[trial, i] = s[STATES + i]
-            for i in range(OUTPUTS):
-                by_q, by_w = outputs[1, i] - outputs[0, i], outputs[2, i] - outputs[0, i]
-                if place == 0:
-                    linear[i, 0, c], linear[i, 1, c] = by_q, by_w
-                size = abs(outputs[0, i]) + abs(by_q) + abs(by_w)
-                both = outputs[0, i] + 0.4 * linear[i, 0, c] - 0.7 * linear[i, 1, c]
-                if not abs(outputs[3, i] - both) <= _LINEAR_TOLERANCE * size:
-                    return False
-    return True
-
-
-@kernel
-def state_coefficients(where, inputs, parameters, by_state, s):  # type: ignore[no-untyped-def]
-    """Write the outputs at rest and their state derivatives, shape (6, 8, k); return False if they vary.
-
-    The hidden state is zero.  Eight calls per start, plus one per start and point.  ``s`` is workspace, as above.
+    Ten calls per start, plus two per start and point.  ``s``, the inputs and outputs of a call, is workspace.
     """
     for c in range(parameters.shape[0]):
-        for place in range(-1 - SEEN, inputs.shape[0]):
+        for trial in range(-1 - SEEN, 2 * inputs.shape[0]):
             for i in range(STATES):
-                s[i] = inputs[max(place, 0), i]
-            s[Q] = s[W] = 0.0
-            if place < 0:
+                s[i] = inputs[max(trial, 0) // 2, i]
+            s[Q], s[W] = (0.0, 0.0) if trial % 2 == 0 else (0.4, -0.7)
+            if trial < 0:
                 for i in range(SEEN):
-                    s[i] = 1.0 if i == SEEN + place else 0.0  # at rest first
+                    s[i] = 1.0 if i == SEEN + trial else 0.0  # at rest first
             call_effect(where, s, parameters[c], 0)
             for i in range(OUTPUTS):
-                if place < 0:
-                    column = SEEN + place
-                    by_state[i, column, c] = s[STATES + i] - (by_state[i, SEEN, c] if column >= 0 else 0.0)
+                if trial < 0:
+                    column = SEEN + trial
+                    linear[i, column, c] = s[STATES + i] - (linear[i, SEEN, c] if column >= 0 else 0.0)
                     continue
-                total, size = by_state[i, SEEN, c], abs(by_state[i, SEEN, c])
+                total, size = linear[i, SEEN, c], abs(linear[i, SEEN, c])
                 for j in range(SEEN):
-                    total += by_state[i, j, c] * s[j]
-                    size += abs(by_state[i, j, c] * s[j])
+                    total += linear[i, j, c] * s[j]
+                    size += abs(linear[i, j, c] * s[j])
                 if not abs(s[STATES + i] - total) <= _LINEAR_TOLERANCE * size:
                     return False
     return True
@@ -100,8 +73,8 @@ def hidden_steps(linear, h, out, power, series):  # type: ignore[no-untyped-def]
             for j in range(2):
                 for c in range(count):
                     top, low = power[0, j, c], power[1, j, c]
-                    power[0, j, c] = by * (linear[3, 0, c] * top + linear[3, 1, c] * low)
-                    power[1, j, c] = by * (linear[4, 0, c] * top + linear[4, 1, c] * low)
+                    power[0, j, c] = by * (linear[Q_RATE, Q, c] * top + linear[Q_RATE, W, c] * low)
+                    power[1, j, c] = by * (linear[W_RATE, Q, c] * top + linear[W_RATE, W, c] * low)
         for i in range(2):
             for j in range(2):
                 for c in range(count):

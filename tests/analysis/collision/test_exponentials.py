@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.linalg import expm, expm_frechet
 
+from analysis.collision.effects.kernel import Q, W
 from analysis.collision.solver import exponentials, linear_coefficients
 from analysis.collision.solver.matrices import TERMS
 from tests.analysis.collision.plain import made_plain
@@ -124,15 +125,15 @@ def test_a_block_is_so_many_steps_with_their_mean(times: int, rows: int) -> None
 def test_hidden_states_answer_a_parabola_exactly() -> None:
     """The drive at begin, middle and end: a parabola through them, integrated with the exponential."""
     random = np.random.default_rng(4)
-    linear, h = np.zeros((6, 2, 2)), 0.4
-    linear[3:5] = random.standard_normal((2, 2, 2))
+    linear, h = np.zeros((6, 10, 2)), 0.4
+    linear[3:5, Q : W + 1] = random.standard_normal((2, 2, 2))
     out = np.full((2, 4, 2, 2, 2), np.nan)
     linear_coefficients.hidden_steps.py_func(linear, h, out, np.empty((2, 2, 2)), np.empty((4, 2, 2, 2)))
     weights = [
         lambda s: (1 - 2 * s / h) * (1 - s / h), lambda s: 4 * s / h * (1 - s / h), lambda s: s / h * (2 * s / h - 1),
     ]  # fmt: skip
     for c in range(2):
-        g = linear[3:5, :, c]
+        g = linear[3:5, Q : W + 1, c]
         for end, t in enumerate((0.5 * h, h)):
             np.testing.assert_allclose(out[end, 0, :, :, c], expm(g * t), rtol=1e-10)
             for k, weight in enumerate(weights):

@@ -8,7 +8,7 @@ from analysis.collision.parameters import Floats
 from analysis.collision.solver.modes import guard_derivative
 from analysis.collision.solver.rates import rates
 from analysis.collision.solver.system import Integers
-from analysis.compiled import by_address, kernel, part
+from analysis.compiled import by_address, inlined, kernel, part
 
 # Inputs of a small effect: forces in N on block, on plate and between them, inertia in kg added to the block,
 # displacement (m) and velocity (m/s) of the contact point.
@@ -31,16 +31,13 @@ class Steps(NamedTuple):
     item: Integers
 
 
-@part
-def _write_matrices_at(r, point, rows, state, system, steps, a, e, out):  # type: ignore[no-untyped-def]
-    """Write A (n, n), E (n, 6) and the arguments of an effect's function at a point of a step.
-
-    Without derivatives (one row), only the column of the inertia and the arguments.
-    """
+@inlined
+def _write_matrices_at(state, z, rows, system, mode, a, e):  # type: ignore[no-untyped-def]
+    """Write A (n, n) and E (n, 6) at a state; without derivatives (one row), only the column of the inertia."""
     n = a.shape[0]
     for i in range(n):
-        state.z[0, i] = steps.states[r, point, i]
-    mass = rates(state, rows, system.which, system, steps.modes[steps.event[r]])
+        state.z[0, i] = z[i]
+    mass = rates(state, rows, system.which, system, mode)
     for i in range(n if rows > 1 else 0):
         for j in range(n):
             a[i, j] = state.f[1 + j, i]
@@ -50,11 +47,14 @@ def _write_matrices_at(r, point, rows, state, system, steps, a, e, out):  # type
             e[i, j] = state.f[3 + n + j, i]
         e[i, _INERTIA] = 0.0
     e[1, _INERTIA] = -state.f[0, 1] / mass
-    if out.effect_inputs.shape[0] > 0:
-        given = out.effect_inputs[r, point]
-        for i in range(STATES):
-            given[i] = system.effect_input[i]
-        given[Q] = given[W] = given[NEAR] = 0.0
+
+
+@inlined
+def _write_effect_inputs(system, given):  # type: ignore[no-untyped-def]
+    """Write the arguments of an effect's function at the last evaluated state."""
+    for i in range(STATES):
+        given[i] = system.effect_input[i]
+    given[Q] = given[W] = given[NEAR] = 0.0
 
 
 @part
@@ -132,11 +132,13 @@ def write_matrices(system, steps, out, state, aside, a, e, square):  # type: ign
     hold, resting, inputs = 0, False, out.effect_inputs.shape[0] > 0
     reused = _REUSED_STEPS if inputs else out.length_s.size  # for forces alone all steps of a mode are alike
     for r in range(out.length_s.size):
-        linked, length = out.linked[r], out.length_s[r]
+        linked, length, mode = out.linked[r], out.length_s[r], steps.modes[steps.event[r]]
         if steps.item[r] >= 0:
             _jump(r, one, state, aside, system, steps, out.event_jump[r], out.event_gradient[r])
         if not linked:
-            _write_matrices_at(r, 0, rows, state, system, steps, a[0], e[0], out)
+            _write_matrices_at(state, steps.states[r, 0], rows, system, mode, a[0], e[0])
+            if inputs:
+                _write_effect_inputs(system, out.effect_inputs[r, 0])
             hold, resting = 0, False
         rested, resting = resting, hold > 0
         same = rested and resting  # as in the previous step, except the inertia column
@@ -154,7 +156,9 @@ def write_matrices(system, steps, out, state, aside, a, e, square):  # type: ign
                 _copy(a[0], a[2])
                 _copy(e[0], e[2])
         if inputs or not resting:
-            _write_matrices_at(r, 2, one if resting else rows, state, system, steps, a[2], e[2], out)
+            _write_matrices_at(state, steps.states[r, 2], one if resting else rows, system, mode, a[2], e[2])
+        if inputs:
+            _write_effect_inputs(system, out.effect_inputs[r, 2])
         if not resting and _nearly_equal(a[0], a[2]) and _nearly_equal(e[0], e[2]):
             hold = reused
         still = resting or hold == reused
@@ -162,8 +166,10 @@ def write_matrices(system, steps, out, state, aside, a, e, square):  # type: ign
             _copy(a[0], a[1])
             _copy(e[0], e[1])
         if inputs or not still:
-            _write_matrices_at(r, 1, one if still else rows, state, system, steps, a[1], e[1], out)
-        if not inputs:
+            _write_matrices_at(state, steps.states[r, 1], one if still else rows, system, mode, a[1], e[1])
+        if inputs:
+            _write_effect_inputs(system, out.effect_inputs[r, 1])
+        else:
             e[0, 1, _INERTIA] = e[1, 1, _INERTIA] = e[2, 1, _INERTIA] = math.nan
         if same and abs(length - out.length_s[r - 1]) < 1e-9 * abs(length):
             _copy_step(r, out)

@@ -18,7 +18,7 @@ from .laws.user_law import MAX_PARAMETERS, LawError, UserLaw, known_effect, law_
 from .parameters import KERNEL_ORDER, PAPER, Collision, Floats, Infeasible, Variant
 from .solver.first_order import first_order_change, steps_per_sample
 from .solver.gear import simulate
-from .solver.general import Event, EventLog, TooManyEvents, Trajectory, UnboundedMotion, averaged, solve
+from .solver.general import Event, EventLog, Trajectory, averaged, solve
 from .solver.linearisation import LinearPath, linear_path
 from .solver.mechanical_effects import (
     ActiveEffect,
@@ -60,9 +60,7 @@ __all__ = [
     "LinearPath",
     "Parameter",
     "SensorInput",
-    "TooManyEvents",
     "Trajectory",
-    "UnboundedMotion",
     "UserLaw",
     "V",
     "Variant",

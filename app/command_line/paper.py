@@ -4,7 +4,7 @@ import os
 import textwrap
 from pathlib import Path
 
-from analysis.collision import TooManyEvents
+from analysis.collision import Infeasible
 from analysis.paper import Reproduction, Status, reproduce, to_result
 from analysis.shot import Shot
 from app.command_line.outputs import error_line, json_text, say, say_problem, write_json
@@ -24,7 +24,7 @@ def paper(json_to: str | None, figures_to: Path | None, recording: Path | None) 
     shot, ok = _shot(recording)
     try:
         result = reproduce(shot)
-    except (TooManyEvents, ValueError) as error:
+    except (Infeasible, ValueError) as error:
         say(f"the paper's model could not be solved: {error}")
         return 1
     if json_to != "-":

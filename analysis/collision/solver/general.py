@@ -35,10 +35,6 @@ class Event:
     state_derivatives: Floats
 
 
-class TooManyEvents(Infeasible):
-    """The contact chatters, or oscillates so fast that a solution would take minutes."""
-
-
 @dataclass(frozen=True, slots=True)
 class Trajectory:
     """A solved collision, arrays of shape (n,); time zero is the first touch.
@@ -119,10 +115,6 @@ class EventLog:
         return None
 
 
-class UnboundedMotion(Infeasible):
-    """The motion grows without bound with these parameters."""
-
-
 def solve(
     collision: Collision,
     effects: Sequence[ActiveEffect],
@@ -144,7 +136,8 @@ def solve(
     stride of 2 takes 0.6 of the time, and its error is 0.05 pm instead of 0.001 pm for a displacement of a millimetre.
     A chain of forty changes of the contact can magnify either fifty times.  Kinks are not located as events, so the
     stride is then at most 1: a hinge of 5 N/m causes an error of 3 pm (130 pm at stride 2), one of 50 N/m 30 pm.
-    Raises TooManyEvents, UnboundedMotion, ValueError.
+    Raises ValueError, and Infeasible if the contact chatters, if the motion oscillates so fast that a
+    solution would take minutes, or if it grows without bound.
     """
     rates = rates or fastest_rates(collision, effects)
     record = _solved(collision, effects, time_s, rates, directions=directions, stride=stride, block=block)
@@ -197,11 +190,11 @@ def _solved(
         count = stepped(system, record, _limits(rates, effects, stride), room)
     assert count != march.NO_ROOM
     if count == march.TOO_MANY_EVENTS:
-        raise TooManyEvents(f"more than {MAX_EVENTS} contact events")
+        raise Infeasible(f"more than {MAX_EVENTS} contact events")
     if count == march.TOO_MANY_STEPS:
-        raise TooManyEvents("more steps than a solution may take")
+        raise Infeasible("more steps than a solution may take")
     if count < 0:
-        raise UnboundedMotion("the motion grows without bound")
+        raise Infeasible("the motion grows without bound")
     return record._replace(
         event_time=record.event_time[:count],
         event_kind=record.event_kind[:count],

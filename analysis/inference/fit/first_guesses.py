@@ -13,7 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from analysis.collision import PAPER, Collision, Infeasible, TooManyEvents, solve
+from analysis.collision import PAPER, Collision, Infeasible, solve
 from analysis.compiled import side_by_side
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Problem
@@ -171,7 +171,7 @@ def _patterns(base: Base) -> _Patterns:
     for candidate in base.candidates(_MASS_KG, _MASS_KG * _RATE_RAD_PER_S**2, PAPER.velocity_in_m_per_s):
         try:
             run = solve(candidate, (), times_s, directions=range(7))
-        except TooManyEvents:
+        except Infeasible:
             continue
         stiffness = run.displacement_derivatives[:, base.in_kernel[0]]
         columns = np.stack(

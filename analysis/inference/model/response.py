@@ -24,9 +24,7 @@ from analysis.collision import (
     Infeasible,
     LinearPath,
     SensorInput,
-    TooManyEvents,
     Trajectory,
-    UnboundedMotion,
     active_effects,
     averaged,
     chain_matrix,
@@ -204,10 +202,7 @@ def _solved(shot: ShotModel, time_s: Floats, directions: Sequence[int], stride: 
     if shot.rates.effects * length_s > _MAX_RADIANS:
         raise Infeasible("an effect would swing faster than any that a record can show")
     times = time_s - shot.own[1]
-    try:
-        return solve(collision, shot.active, times, directions=directions, stride=stride, block=block, rates=shot.rates)
-    except (TooManyEvents, UnboundedMotion) as why:
-        raise Infeasible(str(why)) from why
+    return solve(collision, shot.active, times, directions=directions, stride=stride, block=block, rates=shot.rates)
 
 
 def _through_sensor(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.effects import effect_named
-from analysis.collision.parameters import KERNEL_ORDER, Collision, Variant
+from analysis.collision.parameters import KERNEL_ORDER, Collision, Infeasible, Variant
 from analysis.collision.solver import general, march, mechanical_effects, propagator, runge_kutta
 from analysis.collision.solver.general import ActiveEffect, direction
 from tests.analysis.collision.hybrid import Beside, Hybrid, moved
@@ -171,14 +171,14 @@ def test_a_solution_that_does_not_end_says_why(stepper: str, plain: pytest.Monke
     few = TIME_S[:60]
     plain.setattr(march, "MAX_STEPS", 10.0)
     plain.setattr(march, "MAX_STEPS_PER_SAMPLE", 0.0)
-    with pytest.raises(general.TooManyEvents, match="more steps"):
+    with pytest.raises(Infeasible, match="more steps"):
         general.solve(RIG, [], few, directions=[0])
     plain.setattr(march, "MAX_STEPS_PER_SAMPLE", 1e4)
     plain.setattr(march, "MAX_EVENTS", 1)
-    with pytest.raises(general.TooManyEvents, match="contact events"):
+    with pytest.raises(Infeasible, match="contact events"):
         general.solve(RIG, [], TIME_S[:100])
     heavy = ActiveEffect(effect_named("block_mode"), (1.5 * RIG.block_mass_kg, 100.0, 0.1))
-    with pytest.raises(general.UnboundedMotion):
+    with pytest.raises(Infeasible):
         general.solve(RIG, [heavy], few)
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from analysis.collision.effects import effect_named
-from analysis.collision.parameters import PAPER, Collision, Variant
+from analysis.collision.parameters import PAPER, Collision, Infeasible, Variant
 from analysis.collision.solver import general
 from tests.analysis.collision.simulated import with_vector
 
@@ -33,7 +33,7 @@ def solved(rig: Collision, time_s: np.ndarray, *, derivatives: bool = False) -> 
     """Solve a rig that does not chatter for ever: such a one is refused, as the solver says."""
     try:
         return general.solve(rig, (), time_s, directions=range(7) if derivatives else ())
-    except general.TooManyEvents:
+    except Infeasible:
         reject()
 
 

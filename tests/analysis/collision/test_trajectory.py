@@ -9,7 +9,7 @@ import pytest
 
 from analysis.collision.effects import effect_named
 from analysis.collision.effects.row import Effect
-from analysis.collision.parameters import PAPER, Collision, Variant
+from analysis.collision.parameters import PAPER, Collision, Infeasible, Variant
 from analysis.collision.solver import general, march
 from analysis.collision.solver.general import Event, EventLog, Trajectory
 from analysis.collision.solver.mechanical_effects import ActiveEffect, FastestRates
@@ -109,13 +109,13 @@ def test_times_are_one_row_that_rises(monkeypatch: pytest.MonkeyPatch) -> None:
     exact = general.solve(PAPER, (), np.array([0.03])).displacement_m[0]
     for times in ([0.0, 0.0, 0.03], [0.03, 0.03], [0.02, 0.02 + 1e-9, 0.03], [0.03 - 1e-10, 0.03]):
         assert general.solve(PAPER, (), np.array(times)).displacement_m[-1] == pytest.approx(exact, abs=1e-12)
-    for code, error, words in (
-        (march.TOO_MANY_EVENTS, general.TooManyEvents, "more than 400 contact events$"),
-        (march.TOO_MANY_STEPS, general.TooManyEvents, "more steps than a solution may take$"),
-        (march.UNBOUNDED, general.UnboundedMotion, "grows without bound$"),
+    for code, words in (
+        (march.TOO_MANY_EVENTS, "more than 400 contact events$"),
+        (march.TOO_MANY_STEPS, "more steps than a solution may take$"),
+        (march.UNBOUNDED, "grows without bound$"),
     ):
         monkeypatch.setattr(march, "in_closed_form", lambda *_, code=code: code)
-        with pytest.raises(error, match=words):
+        with pytest.raises(Infeasible, match=words):
             general.solve(PAPER, (), np.array([0.0]))
 
 

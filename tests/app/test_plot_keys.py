@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QEvent, Qt
-from PySide6.QtGui import QFontMetrics, QGuiApplication, QKeyEvent
+from PySide6.QtCore import QEvent, QRect, Qt
+from PySide6.QtGui import QGuiApplication, QKeyEvent
 from PySide6.QtWidgets import QLabel
 
-from app.window.plots.legend import Legend, _rows, is_low, legend_height
+from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import MEASURED, SIMULATED
 from app.window.plots.plot_view import MOST, NUDGE, PAN, ZOOM, ViewHistory, in_front
 from app.window.plots.time_plot import TimeStack
@@ -134,24 +134,24 @@ def test_a_legend_breaks_its_lines_where_the_picture_ends(qtbot) -> None:
     entries = [(name, MEASURED) for name in ("one", "twenty-two", "one", "twenty-two")]
     legend = Legend()
     qtbot.addWidget(legend)
-    metrics = QFontMetrics(legend.font())
-    needed = [26 + 6 + metrics.horizontalAdvance(name) + 18 for name, _ in entries]
-    line = metrics.height() + 4
+    legend.show_entries(entries)
+    parts = [legend.layout().itemAt(place) for place in range(4)]
+    needed, line = [part.sizeHint().width() for part in parts], parts[0].sizeHint().height()
+    gap = legend.layout().spacing()
     for width, rows in (
-        (6 + sum(needed), [["one", "twenty-two", "one", "twenty-two"]]),
-        (5 + sum(needed), [["one", "twenty-two", "one"], ["twenty-two"]]),
-        (6 + sum(needed[:2]), [["one", "twenty-two"], ["one", "twenty-two"]]),
-        (10, [["one"], ["twenty-two"], ["one"], ["twenty-two"]]),
+        (sum(needed) + 3 * gap, [0, 0, 0, 0]),
+        (sum(needed) + 3 * gap - 1, [0, 0, 0, 1]),
+        (sum(needed[:2]) + gap, [0, 0, 1, 1]),
+        (10, [0, 1, 2, 3]),
     ):
-        found = list(_rows(entries, width, metrics))
-        assert [[name for _, name, _ in row] for row in found] == rows
-        assert [row[0][0] for row in found] == [6] * len(found)
-        assert legend_height(entries, width, legend.font()) == len(found) * line
-    (row,) = _rows(entries, 10_000, metrics)
-    assert [x for x, _, _ in row] == [6 + sum(needed[:place]) for place in range(4)]
-    assert legend_height([], 100, legend.font()) == 0
+        assert legend.layout().heightForWidth(width) == line * (rows[-1] + 1) + gap * rows[-1]
+        legend.layout().setGeometry(QRect(0, 0, width, 500))
+        assert [part.geometry().top() // (line + gap) for part in parts] == rows
+    legend.show_entries([])
+    assert legend.layout().heightForWidth(100) == 0
     legend.show_entries([("one", MEASURED), ("two", SIMULATED)])
-    assert [label.text() for label in legend.findChildren(QLabel)] == ["one", "two"]
+    labels = [legend.layout().itemAt(place).widget().findChild(QLabel) for place in range(legend.layout().count())]
+    assert [label.text() for label in labels] == ["one", "two"]
     assert legend.entries == [("one", MEASURED), ("two", SIMULATED)]
 
 

@@ -1,22 +1,23 @@
 """Save a plot as PNG, SVG or CSV, or copy it as a picture."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QRectF, QSize
+from PySide6.QtCore import QPoint, QRectF, QSize
 from PySide6.QtGui import QImage, QPainter
 from PySide6.QtSvg import QSvgGenerator
+from PySide6.QtWidgets import QWidget
 
 from app.report import write_table
-from app.window.plots.legend import legend_height, paint_legend
-from app.window.plots.lines import LineStyle
+from app.window.plots.legend import Legend
 from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
 
 SCALE = 2.0  # pixels of a picture per logical pixel of the screen
+_MARGIN = 6  # in pixels, of title and legend
 
 
 def save_png(view: pg.GraphicsView, path: Path) -> None:
@@ -37,16 +38,21 @@ def picture(view: pg.GraphicsView) -> QImage:
 
 
 def _whole(view: pg.GraphicsView) -> QSize:
-    above = legend_height(_legend(view), view.width(), view.font())
-    return QSize(view.width(), view.height() + above + _heading_height(view))
+    return QSize(view.width(), view.height() + _legend(view).height() + _heading_height(view))
 
 
 def _heading_height(view: pg.GraphicsView) -> int:
     return view.fontMetrics().height() + 6 if view.accessibleDescription() else 0
 
 
-def _legend(view: pg.GraphicsView) -> Sequence[tuple[str, LineStyle]]:
-    return view.legend if isinstance(view, PlotView) else ()
+def _legend(view: pg.GraphicsView) -> Legend:
+    """Return the legend of a picture, which is as wide as the plot; without entries its height is 0."""
+    legend, width = Legend(), view.width() - 2 * _MARGIN
+    if isinstance(view, PlotView):
+        legend.apply_colours(view.colours)
+        legend.show_entries(view.legend)
+    legend.resize(width, legend.layout().heightForWidth(width))
+    return legend
 
 
 def _draw(painter: QPainter, view: pg.GraphicsView, size: QSize) -> None:
@@ -56,12 +62,8 @@ def _draw(painter: QPainter, view: pg.GraphicsView, size: QSize) -> None:
     painter.setPen(view.palette().text().color())
     heading = _heading_height(view)
     if heading:  # the title with the name of the shot
-        painter.drawText(QRectF(6, 2, size.width() - 12, heading), view.accessibleDescription())
-    painter.save()
-    painter.translate(0, heading)
-    if isinstance(view, PlotView):
-        paint_legend(painter, view.legend, size.width(), view.colours)
-    painter.restore()
+        painter.drawText(QRectF(_MARGIN, 2, size.width() - 2 * _MARGIN, heading), view.accessibleDescription())
+    _legend(view).render(painter, QPoint(_MARGIN, heading), renderFlags=QWidget.RenderFlag.DrawChildren)
     view.render(painter, QRectF(0, above, view.width(), view.height()))  # the default target is in device pixels
 
 

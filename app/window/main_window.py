@@ -26,7 +26,6 @@ from app.session import (
     Workbench,
     complete,
     last_session,
-    note,
     warm_up_analysis,
 )
 from app.window.controls import commands
@@ -117,13 +116,8 @@ class MainWindow(QMainWindow):
             self.setup_presenter,
             self.help_presenter,
         )
-        for presenter in presenters:
-            if hasattr(presenter, "said"):
-                presenter.said.connect(self.say)
         self.files_presenter.recordings_wanted.connect(self.session_presenter.open_paths)
         self.laws_presenter.diagnose_wanted.connect(self.diagnosis_presenter.diagnose)
-        self.setup_presenter.source_wanted.connect(self.rig_presenter.use_source)
-        self.setup_presenter.arm_wanted.connect(self.rig_presenter.arm)
         self.session_presenter.mapping_wanted.connect(self.mapping_presenter.ask)
         self.session_presenter.swap_wanted.connect(self.mapping_presenter.swap)
         self.session_presenter.arrived.connect(plans.arrived)
@@ -138,9 +132,9 @@ class MainWindow(QMainWindow):
         """Report problems of session and settings; queue kernels, reading of shots, search for unlisted recordings."""
         workbench, store = self.workbench, self._store
         if workbench.session.problem:
-            self.say(workbench.session.problem, Tone.WARNING)
+            self.panels.say(workbench.session.problem, Tone.WARNING)
         for words in store.warnings:
-            self.say(words, Tone.WARNING)
+            self.panels.say(words, Tone.WARNING)
         workbench.jobs.submit("loading" if complete() else "first start", kernels.work, "warm")
         workbench.read_unread()
         workbench.find_unlisted(store.settings.data_folder, store.sessions)
@@ -151,7 +145,7 @@ class MainWindow(QMainWindow):
         """Update all panels; called by the timer."""
         snapshot = self.rig_presenter.refresh()
         for problem in self.log.take_problems():
-            self.say(problem, Tone.BAD)
+            self.panels.say(problem, Tone.BAD)
         self._warned_items &= frozenset(self._unsaved_items(snapshot))  # the same name later means another shot
         self.session_presenter.refresh(snapshot.doing, snapshot.progress)
         self.selection_presenter.refresh()
@@ -173,12 +167,6 @@ class MainWindow(QMainWindow):
             return PULL_MS
         live = self.panels.tabs.currentIndex() == Layout.LIVE or self.panels.setup.isVisible()
         return LIVE_MS if live else STILL_MS
-
-    @Slot(str, Tone)
-    def say(self, words: str, tone: Tone) -> None:
-        """Show a message in the status line, and write it to the log."""
-        note(words)
-        self.panels.work.notices.say(words, tone)
 
     def _unsaved_items(self, snapshot: Snapshot) -> dict[str, str]:
         """Return what closing now would lose: a sentence for each item's key."""
@@ -237,7 +225,7 @@ class MainWindow(QMainWindow):
         if not at_stake.keys() <= self._warned_items:
             self._warned_items = frozenset(at_stake)
             words = dict.fromkeys(at_stake.values())
-            self.say(f"{'; '.join(words)}. Close again to quit anyway", Tone.BAD)
+            self.panels.say(f"{'; '.join(words)}. Close again to quit anyway", Tone.BAD)
             event.ignore()
             return
         self._timer.stop()

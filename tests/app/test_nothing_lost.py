@@ -435,11 +435,9 @@ def test_a_folder_of_shots_does_not_take_the_selection_and_a_picture_is_refused(
     qtbot: QtBot, tmp_path: Path, away: Away
 ) -> None:
     workbench, panels, presenter = away
-    said: list[str] = []
-    presenter.said.connect(lambda words, _: said.append(words))
     (tmp_path / "plot.png").write_bytes(b"\x89PNG")
     presenter.open_paths([tmp_path / "plot.png"])
-    assert "plot.png is not a recording" in said[0] and workbench.jobs.open_jobs == 0
+    assert "plot.png is not a recording" in panels.work.notices.words and workbench.jobs.open_jobs == 0
     for n in range(3):
         write_recording(
             Recording(f"s-{n}", np.zeros((64, 1), np.int16), 1e6, CHANNELS, Setup(17.85e-3)), tmp_path / f"s-{n}"

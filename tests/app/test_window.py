@@ -141,7 +141,7 @@ def test_a_source_that_cannot_be_opened_is_a_fault_and_another_can_be_chosen(ope
     window = opened(lambda name: devices[name](name))
     qtbot.waitUntil(lambda: window.panels.banner.word.text() == "FAULT", timeout=WAIT_MS)
     assert "no Hantek 6022 found".capitalize()[:2] in window.panels.banner.detail.text()
-    window.panels.controls.source_chosen.emit("other")
+    window.panels.controls.source_wanted.emit("other")
     qtbot.waitUntil(lambda: window.rig.channels != () and window.panels.banner.word.text() == "READY", timeout=WAIT_MS)
 
 

@@ -14,7 +14,8 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.window.controls.theme import Theme, Themed
+from app.session import note
+from app.window.controls.theme import Theme, Themed, Tone
 from app.window.controls.widgets import Sheet, vertical
 from app.window.panels.compare import ComparePanel
 from app.window.panels.diagnosis import DiagnosisPanel
@@ -142,6 +143,11 @@ class Layout(QWidget):
         if isinstance(page, LivePanel | ComparePanel | SpectrumPanel):
             return in_front(page.plots)
         return page.plot_in_front() if isinstance(page, ShotPanel | DiagnosisPanel) else None
+
+    def say(self, words: str, tone: Tone) -> None:
+        """Show a message in the status line, and write it to the log."""
+        note(words)
+        self.work.notices.say(words, tone)
 
     def place_sheets(self) -> None:
         for sheet in self.findChildren(Sheet):

@@ -23,7 +23,7 @@ from app.words import DASH, counted
 class Controls(QWidget):
     """The rig controls: list of sources, ARM, Abort, re-arm."""
 
-    source_chosen = Signal(str)
+    source_wanted = Signal(str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -59,7 +59,7 @@ class Controls(QWidget):
 
     @Slot(int)
     def _chosen(self, _: int) -> None:
-        self.source_chosen.emit(str(self.source.currentData()))
+        self.source_wanted.emit(str(self.source.currentData()))
 
 
 SIGNS = {

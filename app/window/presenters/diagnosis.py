@@ -144,7 +144,6 @@ class DiagnosisPresenter(QObject):
 class LawsPresenter(QObject):
     """Connects the folder of own laws with the law sheet and the diagnosis."""
 
-    said = Signal(str, Tone)
     diagnose_wanted = Signal()
 
     def __init__(self, laws: OwnLaws, panels: Layout, parent: QObject | None = None) -> None:
@@ -167,7 +166,8 @@ class LawsPresenter(QObject):
             self._panels.law.say(str(error), Tone.BAD)
             return
         self._panels.law.hide()
-        self.said.emit(f"The law {law.name!r} is saved in {self._laws.folder} and tried in every diagnosis", Tone.GOOD)
+        words = f"The law {law.name!r} is saved in {self._laws.folder} and tried in every diagnosis"
+        self._panels.say(words, Tone.GOOD)
         self.diagnose_wanted.emit()
 
 

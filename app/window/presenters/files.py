@@ -22,7 +22,6 @@ SESSIONS = "Levimass session (*.json)"
 class FilesPresenter(QObject):
     """Connects the workbench with the File menu."""
 
-    said = Signal(str, Tone)
     recordings_wanted = Signal(list)  # paths
 
     def __init__(
@@ -62,7 +61,7 @@ class FilesPresenter(QObject):
 
     def _opened(self, problem: str | None, name: str) -> None:
         if problem:
-            self.said.emit(problem, Tone.BAD)
+            self._panels.say(problem, Tone.BAD)
             return
         self._store.change({"session": name})
         if name:
@@ -71,7 +70,7 @@ class FilesPresenter(QObject):
         entries = self._workbench.session.entries
         self._panels.table.show_session(self._workbench.session)
         self._panels.table.select([entries[-1].number] if entries else [])
-        self.said.emit(f"Session {name or 'without a name'}: {counted(len(entries), 'shot')}", Tone.GOOD)
+        self._panels.say(f"Session {name or 'without a name'}: {counted(len(entries), 'shot')}", Tone.GOOD)
 
     def _name_window(self) -> None:
         name = self._store.settings.session
@@ -88,7 +87,7 @@ class FilesPresenter(QObject):
 
     def _open_again(self, path: Path, _: bool = False) -> None:
         if not path.exists():
-            self.said.emit(f"{path} no longer exists", Tone.BAD)
+            self._panels.say(f"{path} no longer exists", Tone.BAD)
         elif is_session(path):
             self.open_named(path)
         else:
@@ -100,8 +99,6 @@ MODELS = "Levimass model (*.toml)"
 
 class ModelPresenter(QObject):
     """Connects the workbench with the commands on model files."""
-
-    said = Signal(str, Tone)
 
     def __init__(
         self,
@@ -139,7 +136,7 @@ class ModelPresenter(QObject):
         words = (
             f"The base model of the next shots is now {known.base}; listed shots keep theirs (Ctrl+R analyses copies)"
         )
-        self.said.emit(problem or words, Tone.BAD if problem else Tone.NEUTRAL)
+        self._panels.say(problem or words, Tone.BAD if problem else Tone.NEUTRAL)
 
     @Slot()
     def save_model(self) -> None:

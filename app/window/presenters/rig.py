@@ -25,7 +25,6 @@ class RigPresenter(QObject):
     """Connects the rig with its panels; emits each CapturedShot with its news."""
 
     shot_came = Signal(object, bool)  # whether the rig re-arms
-    said = Signal(str, Tone)
     appearance_chosen = Signal(str)
     save_elsewhere_wanted = Signal(object)  # the folder, as a Path
 
@@ -38,7 +37,9 @@ class RigPresenter(QObject):
         panels.controls.arm.clicked.connect(self.arm)
         panels.controls.abort.clicked.connect(self.abort)
         panels.controls.rearm.toggled.connect(self._set_rearm)
-        panels.controls.source_chosen.connect(self.use_source)
+        for panel in (panels.controls, panels.setup):
+            panel.source_wanted.connect(self.use_source)
+        panels.setup.arm.clicked.connect(self.arm)
         panels.banner.save_elsewhere.clicked.connect(self.save_elsewhere)
         panels.work.settings.clicked.connect(self.toggle_settings)
         panels.settings.applied.connect(self._settings_applied)
@@ -96,7 +97,7 @@ class RigPresenter(QObject):
         for captured in self._rig.take_shots(snapshot):
             self.shot_came.emit(captured, self._rig.rearm)
         for problem in self._rig.take_problems():
-            self.said.emit(problem, Tone.BAD)
+            self._panels.say(problem, Tone.BAD)
 
     @Slot(object)
     def remember(self, entry: Entry) -> None:
@@ -129,7 +130,7 @@ class RigPresenter(QObject):
     def save_elsewhere(self) -> None:
         """Ask for a folder and save the shots that are only in memory."""
         if not self._rig.latest().unsaved:
-            self.said.emit("All shots are saved", Tone.NEUTRAL)
+            self._panels.say("All shots are saved", Tone.NEUTRAL)
             return
         title, then = "Save the shots in memory to", self.save_elsewhere_wanted.emit
         ask(self._panels, title, PathKind.FOLDER, then, Path.home())

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from functools import partial
 
-from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtCore import QObject, Slot
 
 from analysis.diagnosis import Diagnosis
 from analysis.drive import DriveCurves, drive_curves
@@ -212,8 +212,6 @@ class TablesPresenter(QObject):
 class PlotNotesPresenter(QObject):
     """Connects the notes in the session with the plots of SHOT and SPECTRUM."""
 
-    said = Signal(str, Tone)
-
     def __init__(self, session: Session, panels: Layout, front: Callable[[], Entry | None], parent: QObject) -> None:
         super().__init__(parent)
         self._session, self._panels, self._front = session, panels, front
@@ -234,7 +232,7 @@ class PlotNotesPresenter(QObject):
         """Open the editor for a note on the plot in front."""
         plot = self._panels.plot_in_front()
         if plot not in self._plots or not plot.write_note():
-            self.said.emit("Notes are written on the plots of a shot: SHOT (Ctrl+2), SPECTRUM (Ctrl+4)", Tone.NEUTRAL)
+            self._panels.say("Notes are written on the plots of a shot: SHOT (Ctrl+2), SPECTRUM (Ctrl+4)", Tone.NEUTRAL)
 
     @Slot(object, object)
     def _changed(self, before: PlotNote | None, after: PlotNote | None) -> None:

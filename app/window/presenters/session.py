@@ -31,7 +31,6 @@ def is_unmapped(path: Path) -> bool:
 class SessionPresenter(QObject):
     """Connects the workbench with the table and the status line."""
 
-    said = Signal(str, Tone)
     arrived = Signal(object)
     swap_wanted = Signal(object, int)  # path and entry number of a foreign file whose PD0 and PD1 are swapped
     mapping_wanted = Signal(object)  # paths of foreign files whose channels are not assigned yet
@@ -73,9 +72,9 @@ class SessionPresenter(QObject):
             self._selection.show_verdict()
             not_saved = session.save_problem  # read once, because the saver's thread may change it
             if problem := not_saved or session.read_problem:
-                self.said.emit(problem, Tone.BAD)
+                self._panels.say(problem, Tone.BAD)
             elif self._not_saved:
-                self.said.emit("The session is saved again", Tone.GOOD)
+                self._panels.say("The session is saved again", Tone.GOOD)
             self._not_saved = not_saved is not None
 
     def _show_event(self, event: Event) -> None:
@@ -98,7 +97,7 @@ class SessionPresenter(QObject):
             declined = partial(self._workbench.session.dismiss, [str(path) for path in paths])
             self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, paths), declined)
         else:
-            self.said.emit(event.words, Tone.BAD if event.kind is EventKind.PROBLEM else Tone.GOOD)
+            self._panels.say(event.words, Tone.BAD if event.kind is EventKind.PROBLEM else Tone.GOOD)
 
     def _offer_swap(self, numbers: tuple[int, ...]) -> None:
         """Offer to exchange PD0 and PD1 of shots in which the analysis found them swapped."""
@@ -130,7 +129,7 @@ class SessionPresenter(QObject):
             entry = self._workbench.add_shot(shot, captured.number)
         self._show_table()
         if captured.problem:
-            self.said.emit(f"{captured.name}: {captured.problem}", Tone.BAD)
+            self._panels.say(f"{captured.name}: {captured.problem}", Tone.BAD)
         if entry is None:  # the entry was removed before its analysis ended
             return
         self.arrived.emit(entry)
@@ -151,7 +150,7 @@ class SessionPresenter(QObject):
             self._dialogs.chosen = paths[0].parent
             self._store.remember_recent(paths)
             for path in [path for path in paths if path.is_file() and not path.name.lower().endswith(ENDINGS)]:
-                self.said.emit(f"{path.name} is not a recording (they end in {', '.join(ENDINGS)})", Tone.BAD)
+                self._panels.say(f"{path.name} is not a recording (they end in {', '.join(ENDINGS)})", Tone.BAD)
                 paths = [other for other in paths if other != path]
             unmapped = [path for path in paths if path.is_file() and is_unmapped(path)]
             if self._workbench.open_paths([path for path in paths if path not in unmapped]):
@@ -185,7 +184,7 @@ class SessionPresenter(QObject):
     def print_report(self) -> None:
         """Make the report on the selected shots, or on all if none is selected, and open the printer dialogue."""
         self._workbench.exports.report_to_print(self._panels.table.numbers)
-        self.said.emit("Preparing the report; the printer dialogue follows", Tone.NEUTRAL)
+        self._panels.say("Preparing the report; the printer dialogue follows", Tone.NEUTRAL)
 
     def _print(self, html: str) -> None:
         printer = QPrinter(QPrinter.PrinterMode.HighResolution)
@@ -197,14 +196,14 @@ class SessionPresenter(QObject):
 
     def _print_on(self, printer: QPrinter, html: str) -> None:
         document_of(html).print_(printer)
-        self.said.emit("The report was sent to the printer", Tone.GOOD)
+        self._panels.say("The report was sent to the printer", Tone.GOOD)
 
     @Slot()
     def copy_shots(self) -> None:
         """Copy the selected rows, or all, as a tab-separated table."""
         text = self._panels.table.as_text()
         QGuiApplication.clipboard().setText(text)
-        self.said.emit(f"Copied to the clipboard: {counted(max(0, text.count(chr(10)) - 1), 'line')}", Tone.NEUTRAL)
+        self._panels.say(f"Copied to the clipboard: {counted(max(0, text.count(chr(10)) - 1), 'line')}", Tone.NEUTRAL)
 
     @Slot()
     def remove_selected(self) -> None:
@@ -214,7 +213,7 @@ class SessionPresenter(QObject):
             self._show_table()
             self._selection.show_again()
             words = f"{counted(len(numbers), 'shot')} removed from the list; Undo (Ctrl+Z) restores them"
-            self.said.emit(words, Tone.NEUTRAL)
+            self._panels.say(words, Tone.NEUTRAL)
 
     @Slot()
     def reanalyse_selected(self) -> None:
@@ -226,19 +225,19 @@ class SessionPresenter(QObject):
             f"Re-analysing {counted(count, 'shot')} as {'a copy' if count == 1 else 'copies'} with the present settings"
         )
         words += f" and {corrections} instead of the recordings' own" if corrections else ""
-        self.said.emit(words if count else "Select shots that have a recording", Tone.NEUTRAL)
+        self._panels.say(words if count else "Select shots that have a recording", Tone.NEUTRAL)
 
     @Slot()
     def undo(self) -> None:
         what = self._workbench.undo()
         self._show_table()
-        self.said.emit(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
+        self._panels.say(f"Undone: {what}" if what else "Nothing to undo", Tone.NEUTRAL)
 
     @Slot()
     def redo(self) -> None:
         what = self._workbench.redo()
         self._show_table()
-        self.said.emit(f"Redone: {what}" if what else "Nothing to redo", Tone.NEUTRAL)
+        self._panels.say(f"Redone: {what}" if what else "Nothing to redo", Tone.NEUTRAL)
 
     @Slot(int, str)
     def _note_edited(self, number: int, note: str) -> None:

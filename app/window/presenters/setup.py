@@ -3,7 +3,7 @@
 import sys
 import time
 
-from PySide6.QtCore import QObject, Signal, Slot
+from PySide6.QtCore import QObject, Slot
 
 from analysis.shot import Progress, Stop
 from app.session import Jobs, Rig, SettingsStore
@@ -26,9 +26,6 @@ JUDGED_EVERY_S = 0.4  # interval between checks of the signals, long enough to r
 class SetupPresenter(QObject):
     """Connects the set-up sheet with the rig; a short job searches for devices."""
 
-    source_wanted = Signal(str)
-    arm_wanted = Signal()
-
     def __init__(self, rig: Rig, store: SettingsStore, short_jobs: Jobs, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._rig, self._store, self._short_jobs, self._sheet = rig, store, short_jobs, panels.setup
@@ -40,11 +37,9 @@ class SetupPresenter(QObject):
         self._present = ""
         self._judged_s = 0.0
         self._sheet.look.clicked.connect(self.look)
-        self._sheet.source_wanted.connect(self.source_wanted)
         self._sheet.address.returnPressed.connect(self._use_address)
         self._sheet.use_address.clicked.connect(self._use_address)
         self._sheet.arm.clicked.connect(self._sheet.hide)
-        self._sheet.arm.clicked.connect(self.arm_wanted)
         rig.remember_network(store.settings.network_sources)
         panels.work.setup.clicked.connect(self.toggle_setup)
 
@@ -123,7 +118,7 @@ class SetupPresenter(QObject):
             self._sheet.refuse_address(str(error))
             return
         self._sheet.refuse_address("")
-        self.source_wanted.emit(self._typed)
+        self._sheet.source_wanted.emit(self._typed)
 
     def _take_address(self) -> None:
         """Store the typed address once the oscilloscope there has answered."""

@@ -6,7 +6,7 @@ from importlib import resources
 from operator import attrgetter
 from pathlib import Path
 
-from PySide6.QtCore import QObject, QUrl, Signal, Slot
+from PySide6.QtCore import QObject, QUrl, Slot
 from PySide6.QtGui import QDesktopServices, QGuiApplication
 
 from app.session import SettingsStore
@@ -24,8 +24,6 @@ from instrument.files import RecordingError
 
 class ViewPresenter(QObject):
     """Connects keys and menus with the panels; it changes no data."""
-
-    said = Signal(str, Tone)
 
     def __init__(self, panels: Layout, start: Callable[[], Path], parent: QObject) -> None:
         super().__init__(parent)
@@ -81,7 +79,7 @@ class ViewPresenter(QObject):
     def _step_view(self, by: int) -> None:
         plot = self._plot()
         if plot is not None and not plot.step_view(by):
-            self.said.emit("No previous view" if by < 0 else "No next view", Tone.NEUTRAL)
+            self._panels.say("No previous view" if by < 0 else "No next view", Tone.NEUTRAL)
 
     @Slot()
     def toggle_cursors(self) -> None:
@@ -93,13 +91,13 @@ class ViewPresenter(QObject):
         plot = self._plot()
         if plot is not None and plot.cursors.shown:
             plot.copy_cursors()
-            self.said.emit("The cursor readings are on the clipboard", Tone.NEUTRAL)
+            self._panels.say("The cursor readings are on the clipboard", Tone.NEUTRAL)
 
     @Slot()
     def copy_plot(self) -> None:
         if (plot := self._plot()) is not None:
             QGuiApplication.clipboard().setImage(save.picture(plot))
-            self.said.emit("The plot is on the clipboard as a picture", Tone.NEUTRAL)
+            self._panels.say("The plot is on the clipboard as a picture", Tone.NEUTRAL)
 
     @Slot()
     def plot_menu(self) -> None:
@@ -125,9 +123,9 @@ class ViewPresenter(QObject):
             else:
                 raise OSError(f"{path}: this plot has no samples to save")
         except (OSError, RecordingError) as error:
-            self.said.emit(f"The plot was not saved: {error}", Tone.BAD)
+            self._panels.say(f"The plot was not saved: {error}", Tone.BAD)
         else:
-            self.said.emit(f"Plot saved as {path}", Tone.GOOD)
+            self._panels.say(f"Plot saved as {path}", Tone.GOOD)
 
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
@@ -135,8 +133,6 @@ DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 class HelpPresenter(QObject):
     """Starts the tour and stores that it was seen; opens manual and log folder with the system's programs."""
-
-    said = Signal(str, Tone)
 
     def __init__(self, store: SettingsStore, panels: Layout, log_folder: Path, parent: QObject) -> None:
         super().__init__(parent)
@@ -207,7 +203,7 @@ class HelpPresenter(QObject):
         if tutorial.exists():
             self._open(tutorial)
         else:
-            self.said.emit("The tutorial is not installed here; see the short tour (F4)", Tone.NEUTRAL)
+            self._panels.say("The tutorial is not installed here; see the short tour (F4)", Tone.NEUTRAL)
 
     @Slot()
     def show_log(self) -> None:
@@ -215,4 +211,4 @@ class HelpPresenter(QObject):
 
     def _open(self, path: Path) -> None:
         opened = QDesktopServices.openUrl(QUrl.fromLocalFile(str(path)))
-        self.said.emit(f"{path}" if opened else f"No program opens it here; it is {path}", Tone.NEUTRAL)
+        self._panels.say(f"{path}" if opened else f"No program opens it here; it is {path}", Tone.NEUTRAL)

@@ -542,7 +542,7 @@ def test_messages(window):
         notices.next()
     parts = {"none": of(panels.work)}
     for words, tone in (("saved", Tone.GOOD), ("disk full", Tone.BAD), ("disk full", Tone.BAD)):
-        window.say(words, tone)
+        window.panels.say(words, tone)
     parts["two"] = of(notices)
     notices.offer("2 recordings are in no session", "Open", lambda: None)
     parts["an offer"] = of(notices)

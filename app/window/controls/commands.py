@@ -6,7 +6,7 @@ from functools import partial
 
 from PySide6.QtCore import QObject, Qt
 from PySide6.QtGui import QAction, QKeyEvent, QKeySequence
-from PySide6.QtWidgets import QAbstractButton, QMainWindow, QMenu, QToolButton, QWidget
+from PySide6.QtWidgets import QAbstractButton, QMainWindow, QMenu, QPushButton, QToolButton, QWidget
 
 from app.window.controls.widgets import call_with
 
@@ -123,6 +123,7 @@ def bind(
 ) -> dict[str, QAction]:
     """Make the menus; return their actions, each connected to the first object in ``doing`` with a method of its name.
 
+    The buttons of commands in the window are connected too, and get the keys into their tooltips.
     ``below`` are submenus by the ``action`` of their command.
     """
     bar = window.menuBar()
@@ -145,6 +146,10 @@ def bind(
         if again := [actions[command.action] for command in COMMANDS if command.also == name]:
             menu.addSeparator()
             menu.addActions(again)
+    for button in window.findChildren(QPushButton):
+        if name := button.property("command"):
+            button.setToolTip(with_keys(button.toolTip(), name))
+            button.clicked.connect(actions[name].trigger)
     return actions
 
 

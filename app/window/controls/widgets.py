@@ -139,16 +139,18 @@ def push_button(
     clicked: Callable[..., object] | SignalInstance | None = None,
     given: object = None,
     *,
+    command: str = "",
     checkable: bool = False,
     primary: bool = False,
 ) -> QPushButton:
     """Return a button; ``clicked`` is the slot or signal that it calls or emits, with ``given`` as its argument.
 
-    ``primary`` is a style of the style sheet.
+    ``command`` is the action of the ``Command`` that it triggers; ``primary`` is a style of the style sheet.
     """
     button = QPushButton(text, parent)
     button.setToolTip(hover)
     button.setCheckable(checkable)
+    button.setProperty("command", command)
     if primary:
         button.setProperty("primary", True)
     if clicked is not None and given is not None:

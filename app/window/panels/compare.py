@@ -149,9 +149,8 @@ class ComparePanel(Themed, QWidget):
         self._entries: list[Entry] = []
         column = vertical(self, (6, 6, 6, 2))
         bar = QHBoxLayout()
-        whole = added(bar, push_button("Whole shot", "The whole length of the shots  (1)", self))
-        hover = "The bounces at first contact  (2)"
-        bar.addWidget(push_button("First contact", hover, self, self.show_contact))
+        bar.addWidget(push_button("Whole shot", "The whole length of the shots", self, command="show_view:whole"))
+        bar.addWidget(push_button("First contact", "The bounces at first contact", self, command="show_view:contact"))
         self._say = added(bar, text_label("", self, faint=True, wrap=True), 1)
         self._numbers_followed = series_numbers()
         hover = "Number plotted against impact speed; a slope shows that it depends on speed"
@@ -162,7 +161,6 @@ class ComparePanel(Themed, QWidget):
         self._legend = added(column, Legend(self))
         split = QSplitter(Qt.Orientation.Horizontal, self)
         self.stack = TimeStack("Overlaid shots", split)
-        whole.clicked.connect(self.stack.reset)
         velocity, force = self.stack.add_plot("velocity", "m/s", 2), self.stack.add_plot("force", "N", 3)
         self.stack.label_time("time from first touch")
         self._velocity_curves, self._force_curves = (
@@ -227,7 +225,6 @@ class ComparePanel(Themed, QWidget):
         self.stack.setToolTip(tag("span", lines(entries)) if low and entries else "")
         self.trend.setToolTip(self.repeatability.text() if low else "")
 
-    @Slot()
     def show_contact(self) -> None:
         shots = [entry.shot for entry in self._entries if entry.shot is not None]
         if shots:

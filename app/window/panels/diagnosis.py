@@ -71,8 +71,8 @@ class DiagnosisPanel(QWidget):
         self.cancel = push_button("Cancel", "Stop the diagnosis; the previous one is kept", self)
         keep_place(self.progress)
         keep_place(self.cancel)
-        hover = "Find out what the model lacks, from all selected shots together  (D)"
-        self.diagnose = push_button("Diagnose", hover, self, primary=True)
+        hover = "Find out what the model lacks, from all selected shots together"
+        self.diagnose = push_button("Diagnose", hover, self, command="diagnose", primary=True)
         add_row(column, self._verdict, self.progress, self.cancel, self.diagnose)
         self._of = added(column, text_label("", self, faint=True, wrap=True))  # names of the shots
         self.sentence = added(column, text_label("", self, selectable=True, wrap=True, size=1.2))

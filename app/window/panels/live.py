@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QSizePolicy, QVBoxLay
 
 from analysis.reading import CENTRES_HZ, CRITERIA_M_PER_S, SiteFloor
 from analysis.shot import Channel, Floats, Role
+from app.window.controls.commands import with_keys
 from app.window.controls.theme import Colours, Themed
 from app.window.controls.widgets import added, horizontal, push_button, scrolled, text_label, vertical
 from app.window.plots.cursors import CursorAxis, CursorReadout
@@ -154,8 +155,8 @@ class LivePanel(QWidget):
         self._raw_shown: tuple[object, float] = (None, -math.inf)  # (channels, levels) and stream time last drawn
         for line, (name, title, unit, _, _, widest) in enumerate(ROWS):
             grid.addWidget(self._tile(name, title, unit, widest), line, 1)
-        hover = "Freeze the curves to measure on them; acquisition continues, ARM resumes the curves  (H)"
-        self.hold = push_button("Hold", hover, self, checkable=True)
+        hover = "Freeze the curves to measure on them; acquisition continues, ARM resumes the curves"
+        self.hold = push_button("Hold", with_keys(hover, "toggle:live.hold"), self, checkable=True)
         grid.addWidget(self.hold, 3, 1)
         self.raw = TimeStack("Raw signals, live", self)
         self._raw_plots = [self.raw.add_plot(title, "V") for title in CHANNEL_NAMES.values()]

@@ -38,9 +38,10 @@ class ModelPanel(QFrame):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         column = vertical(self, (10, 2, 8, 4), 1)
-        hover = "Find out what the model lacks, from all selected shots together  (D)"
-        self.diagnose = push_button("Diagnose", hover, self)
-        self.details = push_button("Evidence", "Candidates, residual before and after  (Ctrl+5)", self)
+        hover = "Find out what the model lacks, from all selected shots together"
+        self.diagnose = push_button("Diagnose", hover, self, command="diagnose")
+        hover = "Candidates, residual before and after"
+        self.details = push_button("Evidence", hover, self, command="show_page:DIAGNOSIS")
         hover = "Correlations of the fitted parameters of this shot"
         self.correlated = push_button("Correlations", hover, self, checkable=True)
         self.correlated.toggled.connect(self._unfold)

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QCheckBox, QGridLayout, QLabel, QScrollArea, QWidg
 from analysis.paper import printed_value
 from analysis.shot import Quantity, Reading, Shot, flags_affecting
 from analysis.uncertainty import Group, ResultNumber, combined_uncertainties, shown_numbers, with_combined_uncertainty
+from app.window.controls.commands import with_keys
 from app.window.controls.theme import MARKS, Colours, Themed, Tone
 from app.window.controls.widgets import (
     FoldButton,
@@ -81,10 +82,12 @@ class NumbersPanel(Themed, QScrollArea):
         # elided in the middle, because names of shots differ at their end
         middle = Qt.TextElideMode.ElideMiddle
         self.title = elided_label("No shot", inner, middle, selectable=True, bold=True, size=1.25)
-        self.budget = push_button("Budget", "Where each ± comes from, source by source  (B)", inner)
+        hover = "Where each ± comes from, source by source"
+        self.budget = push_button("Budget", hover, inner, command="show_page:BUDGET")
         add_row(column, self.title, self.budget)
         self.noise_only = QCheckBox("± from noise only", inner)
-        self.noise_only.setToolTip("Exclude wavelength, air, mass and clock from the uncertainties  (U)")
+        hover = "Exclude wavelength, air, mass and clock from the uncertainties"
+        self.noise_only.setToolTip(with_keys(hover, "toggle:numbers.noise_only"))
         self.noise_only.toggled.connect(self._uncertainty_chosen)
         grid = QGridLayout()
         grid.setHorizontalSpacing(8)

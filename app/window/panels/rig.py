@@ -6,6 +6,7 @@ from PySide6.QtCore import Qt, QTimer, Signal, Slot
 from PySide6.QtGui import QFontMetrics, QResizeEvent
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFrame, QLabel, QWidget
 
+from app.window.controls.commands import with_keys
 from app.window.controls.theme import MARKS, Colours, Themed, Tone, sized
 from app.window.controls.widgets import (
     added,
@@ -28,12 +29,13 @@ class Controls(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         row = horizontal(self, (0, 0, 0, 0), 8)
-        where = "Where the samples come from: the simulated bench, a recording, or a device  (S)"
-        self.source = combo_box("Source of the samples", where, self)
+        where = "Where the samples come from: the simulated bench, a recording, or a device"
+        self.source = combo_box("Source of the samples", with_keys(where, "focus_source"), self)
         self.source.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.source.setMinimumContentsLength(19)  # for "Simulated bench with a flaw"
-        self.arm = push_button("ARM", "Wait for the light switch and record the next shot  (space)", self, primary=True)
-        self.abort = push_button("Abort", "Stop waiting or recording; finished shots are kept  (Esc)", self)
+        hover = "Wait for the light switch and record the next shot"
+        self.arm = push_button("ARM", hover, self, command="arm", primary=True)
+        self.abort = push_button("Abort", "Stop waiting or recording; finished shots are kept", self, command="abort")
         for button, words in ((self.arm, "ARM"), (self.abort, "Abort")):
             button.setFont(sized(self.font(), 1.35, bold=True))
             button.setAccessibleName(words)
@@ -42,7 +44,8 @@ class Controls(QWidget):
         self.abort.setMinimumWidth(self.fontMetrics().horizontalAdvance("M") * 6)
         self.source.setMinimumHeight(self.arm.minimumHeight())
         self.rearm = QCheckBox("re-arm", self)
-        self.rearm.setToolTip("Arm again automatically after each shot, until Abort  (R)")
+        hover = "Arm again automatically after each shot, until Abort"
+        self.rearm.setToolTip(with_keys(hover, "toggle:controls.rearm"))
         for widget in (self.source, self.arm, self.abort, self.rearm):
             row.addWidget(widget)
         self.source.activated.connect(self._chosen)
@@ -95,8 +98,8 @@ class Banner(Themed, QFrame):
         self.word.setMinimumWidth(self.word.fontMetrics().horizontalAdvance("ANALYSING"))
         self._clock.setFixedWidth(self._clock.fontMetrics().horizontalAdvance("00:00 "))
         self._clock.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
-        hover = "Save the shots that are only in memory to another folder  (Ctrl+S)"
-        self.save_elsewhere = added(row, push_button("Save elsewhere …", hover, self))
+        hover = "Save the shots that are only in memory to another folder"
+        self.save_elsewhere = added(row, push_button("Save elsewhere …", hover, self, command="save_elsewhere"))
         self.save_elsewhere.setMinimumHeight(int(2.2 * self.fontMetrics().height()))
         self.save_elsewhere.hide()
         row.addWidget(self._clock)

@@ -60,7 +60,7 @@ class SessionTable(QFrame):
         self._numbers: list[int] = []
         self.hidden: list[int] = []  # selected shots hidden by the filter
         self.buttons = {
-            action: push_button(words, with_keys(hover, action), self) for action, (words, hover) in BUTTONS.items()
+            action: push_button(words, hover, self, command=action) for action, (words, hover) in BUTTONS.items()
         }
         for button in self.buttons.values():
             bar.addWidget(button)
@@ -112,18 +112,17 @@ class SessionTable(QFrame):
 
     def _add_order(self, bar: QHBoxLayout) -> None:
         """Add the filter, the grouping and the choice of columns."""
-        hover = "Show only shots with these words in name, time, verdict, flags or note  (Ctrl+F)"
-        self.filter = line_edit("Filter words", hover, self, "filter")
+        hover = "Show only shots with these words in name, time, verdict, flags or note"
+        self.filter = line_edit("Filter words", with_keys(hover, "filter_shots"), self, "filter")
         self.filter.setMaximumWidth(14 * self.fontMetrics().horizontalAdvance("n"))
         hover = "Group the shots by this; series: names that differ only in their number"
         groups = [("no groups", ""), *((f"by {words}", name) for name, (words, _) in GROUPS.items())]
         self.group = combo_box("How the shots are grouped", hover, self, groups)
         self.group.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.group.setMinimumContentsLength(8)
-        self.columns = push_button("Columns …", "Choose which columns are shown  (Ctrl+Shift+F)", self)
+        self.columns = push_button("Columns …", "Choose which columns are shown", self, command="choose_columns")
         self.filter.textChanged.connect(self._arrange)
         self.group.currentIndexChanged.connect(self._arrange)
-        self.columns.clicked.connect(self.choose_columns)
         for place, widget in enumerate((self.filter, self.group, self.columns), 1):
             bar.insertWidget(place, widget)
 

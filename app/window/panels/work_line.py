@@ -55,7 +55,7 @@ class NoticeLine(QFrame):
         self._words.setAccessibleName("Newest message")
         self._do = push_button("Do it", "Do what the message offers", self, self._done)
         self._close = push_button("Dismiss", "Dismiss this message", self, self.next)
-        self.all = push_button("All …", "All messages of this run, with their times  (F6)", self)
+        self.all = push_button("All …", "All messages of this run, with their times", self, command="toggle:messages")
         self.all.setAccessibleName("All messages")
         row.addWidget(self._words, 1)
         for button in (self.all, self._do, self._close):
@@ -203,9 +203,11 @@ class WorkLine(QWidget):
         keep_place(self.cancel)
         for widget in (self.progress, self.cancel):  # without jobs the messages get their space
             widget.hide()
-        self.settings = push_button("Settings", "Mass, air, wavelength, bandwidth, trigger, folders  (F2)", self)
-        self.setup = push_button("Set-up", "Find devices, permission, check the signals before arming  (F3)", self)
-        self.keys = push_button("Keys", "All keys on one sheet  (F1)", self)
+        hover = "Mass, air, wavelength, bandwidth, trigger, folders"
+        self.settings = push_button("Settings", hover, self, command="toggle_settings")
+        hover = "Find devices, permission, check the signals before arming"
+        self.setup = push_button("Set-up", hover, self, command="toggle_setup")
+        self.keys = push_button("Keys", "All keys on one sheet", self, command="toggle:keys")
         row.addWidget(self.notices, 1)
         row.addWidget(self.progress, 1)
         for widget in (self.cancel, self.setup, self.settings, self.keys):

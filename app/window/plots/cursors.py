@@ -10,6 +10,7 @@ from PySide6.QtCore import QObject, Qt, Signal, Slot
 from PySide6.QtWidgets import QFrame, QWidget
 
 from analysis.shot import Floats
+from app.window.controls.commands import with_keys
 from app.window.controls.widgets import horizontal, push_button, text_label
 from app.window.plots.lines import straight
 from app.words import DASH, Markup, joined, localised_number, number, tag
@@ -188,8 +189,8 @@ class CursorReadout(QFrame):
         self.setProperty("card", True)
         row = horizontal(self, (8, 4, 8, 4))
         self._table = text_label("", self, selectable=True)
-        hover = "Copy places, values, differences, mean, rms and slope between the cursors  (Ctrl+Shift+C)"
-        copy = push_button("Copy as text", hover, self, plot.copy_cursors)
+        hover = "Copy places, values, differences, mean, rms and slope between the cursors"
+        copy = push_button("Copy as text", with_keys(hover, "copy_cursors"), self, plot.copy_cursors)
         row.addWidget(self._table, 1)
         row.addWidget(copy, 0, Qt.AlignmentFlag.AlignTop)
         self._cursors.moved.connect(self.refresh)

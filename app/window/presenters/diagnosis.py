@@ -34,9 +34,7 @@ class DiagnosisPresenter(QObject):
         # diagnosis shown, effects in the model, and whether the diagnosis is valid for them
         self._shown: tuple[object, tuple[Effect, ...], bool] = (None, (), True)
         self._forces = ShotJob[Forces](workbench.short_jobs, "residual of the force", self._show_forces)
-        panels.model.diagnose.clicked.connect(self.diagnose)
         page = panels.diagnosis
-        page.diagnose.clicked.connect(self.diagnose)
         page.cancel.clicked.connect(self._cancel)
         page.effects.add_wanted.connect(self._add)
         page.effects.remove_wanted.connect(self._remove)

@@ -34,14 +34,10 @@ class RigPresenter(QObject):
         self._last_shot: state_words.LastShot | None = None
         self._before = (State.IDLE, 0)  # state and number of shots at the previous refresh
         self._live_shown: LiveView | None = None
-        panels.controls.arm.clicked.connect(self.arm)
-        panels.controls.abort.clicked.connect(self.abort)
         panels.controls.rearm.toggled.connect(self._set_rearm)
         for panel in (panels.controls, panels.setup):
             panel.source_wanted.connect(self.use_source)
         panels.setup.arm.clicked.connect(self.arm)
-        panels.banner.save_elsewhere.clicked.connect(self.save_elsewhere)
-        panels.work.settings.clicked.connect(self.toggle_settings)
         panels.settings.applied.connect(self._settings_applied)
         panels.settings.offer(FIELDS)
         self._offer_sources()

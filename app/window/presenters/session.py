@@ -50,8 +50,6 @@ class SessionPresenter(QObject):
         self._choose_next = False  # whether to select the next opened shot
         self._store = store
         self._dialogs = FileDialogs(panels, lambda: store.start_folder)
-        for action, button in panels.table.buttons.items():
-            button.clicked.connect(getattr(self, action))
         panels.table.note_edited.connect(self._note_edited)
         panels.work.cancel.clicked.connect(self._cancel_work)
 

@@ -41,7 +41,6 @@ class SetupPresenter(QObject):
         self._sheet.use_address.clicked.connect(self._use_address)
         self._sheet.arm.clicked.connect(self._sheet.hide)
         rig.remember_network(store.settings.network_sources)
-        panels.work.setup.clicked.connect(self.toggle_setup)
 
     @Slot()
     def toggle_setup(self) -> None:

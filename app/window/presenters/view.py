@@ -12,7 +12,6 @@ from PySide6.QtGui import QDesktopServices, QGuiApplication
 from app.session import SettingsStore
 from app.window.controls.file_dialog import FileDialogs, PathKind
 from app.window.controls.theme import Tone
-from app.window.controls.widgets import call_with
 from app.window.panels.help import Step
 from app.window.panels.layout import Layout
 from app.window.plots import save
@@ -27,15 +26,10 @@ class ViewPresenter(QObject):
 
     def __init__(self, panels: Layout, start: Callable[[], Path], parent: QObject) -> None:
         super().__init__(parent)
-        p = self._panels = panels
+        self._panels = panels
         self._dialogs = FileDialogs(panels, start)
         for plot in panels.findChildren(PlotView):
             plot.export_wanted.connect(self._ask_and_save)
-        p.model.details.clicked.connect(partial(call_with, self.show_page, "DIAGNOSIS"))
-        p.numbers.budget.clicked.connect(partial(call_with, self.show_page, "BUDGET"))
-        p.shot.save_plot.clicked.connect(self.plot_menu)
-        p.work.keys.clicked.connect(p.keys.toggle)
-        p.work.notices.all.clicked.connect(p.messages.toggle)
 
     def toggle(self, name: str) -> None:
         """Open or close a sheet, or press a checkable button; ``name`` is its place in ``Layout``, as "live.hold"."""

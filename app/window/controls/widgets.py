@@ -43,7 +43,7 @@ class TextLabel(QLabel):
 
 
 class ElidedLabel(TextLabel):
-    """A one-line label, shortened to its width; empty if even the text ``least`` does not fit."""
+    """A label of one line that shortens its text to its width (see ``text_label``)."""
 
     def __init__(self, parent: QWidget, elide: Qt.TextElideMode, least: str) -> None:
         super().__init__(parent)
@@ -72,6 +72,8 @@ def text_label(
     parent: QWidget,
     *,
     wrap: bool = False,
+    elide: Qt.TextElideMode = Qt.TextElideMode.ElideNone,
+    least: str = "",
     faint: bool = False,
     heading: bool = False,
     bold: bool = False,
@@ -80,35 +82,15 @@ def text_label(
 ) -> TextLabel:
     """Return a label; ``faint`` and ``heading`` are styles of the style sheet, ``selectable`` text can be copied.
 
-    ``size`` is relative to the parent's font.
+    ``size`` is relative to the parent's font.  With ``elide`` the label has one line, which is shortened to its width;
+    it is empty if even the text ``least`` does not fit.
     """
-    label = _styled(TextLabel(parent), text, {"faint": faint, "heading": heading}, bold, size, selectable)
-    label.setWordWrap(wrap)
-    return label
-
-
-def elided_label(
-    text: str,
-    parent: QWidget,
-    elide: Qt.TextElideMode,
-    *,
-    least: str = "",
-    faint: bool = False,
-    bold: bool = False,
-    size: float = 1.0,
-    selectable: bool = False,
-) -> TextLabel:
-    """Return a label of one line that is shortened to its width, with the styles of ``text_label``."""
-    return _styled(ElidedLabel(parent, elide, least), text, {"faint": faint}, bold, size, selectable)
-
-
-def _styled(
-    label: TextLabel, text: str, styles: dict[str, bool], bold: bool, size: float, selectable: bool
-) -> TextLabel:
+    label = TextLabel(parent) if elide is Qt.TextElideMode.ElideNone else ElidedLabel(parent, elide, least)
     label.setText(text)
+    label.setWordWrap(wrap)
     if bold or size != 1.0:
         label.setFont(sized(label.font(), size, bold))
-    for name, on in styles.items():
+    for name, on in (("faint", faint), ("heading", heading)):
         if on:
             label.setProperty(name, True)
     if selectable:

@@ -11,7 +11,7 @@ from analysis.collision import Effect
 from analysis.diagnosis import CRITERIA, Candidate, FoundEffect, remark_on
 from app.session import by_evidence
 from app.window.controls.theme import MARKS, Themed, Tone
-from app.window.controls.widgets import clear_layout, elided_label, horizontal, push_button, text_label, vertical
+from app.window.controls.widgets import clear_layout, horizontal, push_button, text_label, vertical
 from app.words import DASH, effect_numbers, joined, lines, number, tag
 
 TRIED = "tried by the operator; not found by a diagnosis"
@@ -182,7 +182,7 @@ class CandidateBars(Themed, QWidget):
         pays = candidate.delta_bic is None or candidate.delta_bic < 0.0
         chosen = candidate.effect in self._named and pays
         words = (f"{MARKS[Tone.GOOD]} " if chosen else "") + candidate.effect.words
-        name = elided_label(words, inner, Qt.TextElideMode.ElideRight, bold=chosen)
+        name = text_label(words, inner, elide=Qt.TextElideMode.ElideRight, bold=chosen)
         name.setMinimumWidth(MIN_NAME_LETTERS * self.fontMetrics().horizontalAdvance("n"))
         name.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         name.setAccessibleName(f"{candidate.effect.words}: show what it explains")

@@ -14,7 +14,6 @@ from app.window.controls.theme import MARKS, Colours, Themed, Tone
 from app.window.controls.widgets import (
     FoldButton,
     add_row,
-    elided_label,
     push_button,
     set_tone,
     show_toned,
@@ -79,9 +78,8 @@ class NumbersPanel(Themed, QScrollArea):
         self._foldable: list[QWidget] = []  # numbers that a button shows or hides, with their sentences
         inner = QWidget(self)
         column = vertical(inner, (10, 4, 8, 4))
-        # elided in the middle, because names of shots differ at their end
-        middle = Qt.TextElideMode.ElideMiddle
-        self.title = elided_label("No shot", inner, middle, selectable=True, bold=True, size=1.25)
+        middle = Qt.TextElideMode.ElideMiddle  # because names of shots differ at their end
+        self.title = text_label("No shot", inner, elide=middle, selectable=True, bold=True, size=1.25)
         hover = "Where each ± comes from, source by source"
         self.budget = push_button("Budget", hover, inner, command="show_page:BUDGET")
         add_row(column, self.title, self.budget)

@@ -11,7 +11,6 @@ from app.window.controls.theme import MARKS, Colours, Themed, Tone, sized
 from app.window.controls.widgets import (
     added,
     combo_box,
-    elided_label,
     fill_box,
     horizontal,
     push_button,
@@ -208,7 +207,8 @@ class SignalLine(QFrame):
             row.addSpacing(4)
             self._marks[name], self.values[name] = mark, value
         middle, least = Qt.TextElideMode.ElideMiddle, "saving to /home …/data"
-        self._folder = added(row, elided_label("", self, middle, least=least, faint=True, selectable=True), 1)
+        self._folder = text_label("", self, elide=middle, least=least, faint=True, selectable=True)
+        row.addWidget(self._folder, 1)
         for name, _, _ in TILES:
             self.show_tile(name, TileText(DASH, Tone.NEUTRAL))
 

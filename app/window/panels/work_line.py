@@ -16,12 +16,12 @@ from app.window.controls.theme import MARKS, Colours, Themed, Tone
 from app.window.controls.widgets import (
     Sheet,
     added,
-    elided_label,
     horizontal,
     hover_text,
     keep_place,
     push_button,
     set_tone,
+    text_label,
 )
 
 KEPT = 20
@@ -51,7 +51,7 @@ class NoticeLine(QFrame):
         self._notices: list[Notice] = []
         self.history: deque[tuple[datetime, Notice]] = deque(maxlen=LISTED)
         row = horizontal(self, (12, 0, 4, 0))
-        self._words = elided_label("", self, Qt.TextElideMode.ElideRight, selectable=True, bold=True)
+        self._words = text_label("", self, elide=Qt.TextElideMode.ElideRight, selectable=True, bold=True)
         self._words.setAccessibleName("Newest message")
         self._do = push_button("Do it", "Do what the message offers", self, self._done)
         self._close = push_button("Dismiss", "Dismiss this message", self, self.next)
@@ -62,7 +62,7 @@ class NoticeLine(QFrame):
             row.addWidget(button)
         self.setFixedHeight(self._close.sizeHint().height() + 2)
         self._ageing = QTimer(self)
-        self._ageing.timeout.connect(self._aged)
+        self._ageing.timeout.connect(self._refresh)
         self._ageing.start(AGED_EVERY_MS)
         self._refresh()
 
@@ -90,11 +90,6 @@ class NoticeLine(QFrame):
         self._notices[-1].shown_s = time.monotonic()
         self._refresh()
 
-    @Slot()
-    def _aged(self) -> None:
-        if self._notices:
-            self._refresh()
-
     def _age(self) -> str:
         """Return the age of the newest message, "" below one minute."""
         minutes = int((time.monotonic() - self._notices[-1].shown_s) / 60)
@@ -117,6 +112,7 @@ class NoticeLine(QFrame):
                 notice.declined()
         self._refresh()
 
+    @Slot()
     def _refresh(self) -> None:
         self._close.setVisible(bool(self._notices))
         self._do.setVisible(bool(self._notices and self._notices[-1].label))

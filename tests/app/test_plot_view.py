@@ -106,7 +106,7 @@ def test_box_wheel_back_and_forward(panels, name):
     view = plot.plots[1].view if name == "stack" else plot.plot.view
     whole = plot.states
     (left, right), (low, high) = view.viewRange()
-    view.zoom_to(QRectF(left + 0.4 * (right - left), low, 0.2 * (right - left), 0.5 * (high - low)))
+    view.showAxRect(QRectF(left + 0.4 * (right - left), low, 0.2 * (right - left), 0.5 * (high - low)))
     box = plot.states
     assert np.ptp(plot.span) == pytest.approx(0.2 * (right - left))
     assert np.ptp(view.viewRange()[1]) == pytest.approx(0.5 * (high - low))
@@ -131,6 +131,12 @@ def test_box_wheel_back_and_forward(panels, name):
     y = view.viewRange()[1]
     view.mouseDragEvent(_Drag())
     assert view.viewRange()[0] != x and view.viewRange()[1] == y
+    corners = [view.mapToView(Point(at, at)) for at in (30.0, 40.0)]
+    view.mouseDragEvent(_Drag(SHIFT))
+    box = [sorted(corner.x() for corner in corners), sorted(corner.y() for corner in corners)]
+    assert np.allclose(view.viewRange(), box)
+    view.mouseDragEvent(_Drag())
+    assert not np.allclose(view.viewRange()[0], box[0]) and view.viewRange()[1] == pytest.approx(box[1])
     plot.set_shots((object(),), "another shot")
     assert not plot.step_view(-1)
 
@@ -178,8 +184,8 @@ class _Wheel:
 class _Drag(_Wheel):
     """A drag with the left button, by 10 pixels each way."""
 
-    def __init__(self):
-        super().__init__(Qt.KeyboardModifier.NoModifier)
+    def __init__(self, modifiers=Qt.KeyboardModifier.NoModifier):
+        super().__init__(modifiers)
 
     def button(self):
         return Qt.MouseButton.LeftButton

@@ -3,7 +3,6 @@
 from typing import Any, TypeVar
 
 import pyqtgraph as pg
-from pyqtgraph import Point
 from PySide6.QtCore import QPointF, QRectF, Qt, Signal, Slot
 from PySide6.QtGui import QFontMetricsF
 from PySide6.QtWidgets import QGraphicsGridLayout
@@ -20,7 +19,6 @@ class PlotViewBox(pg.ViewBox):
     clicked = Signal(float, float)
     y_set_by_user = Signal(bool)
     moved = Signal()  # the operator is moving the view
-    placed = Signal()  # the operator has zoomed to a box
 
     def __init__(self) -> None:
         super().__init__(enableMenu=False, defaultPadding=0.0)
@@ -40,10 +38,9 @@ class PlotViewBox(pg.ViewBox):
 
     def mouseDragEvent(self, event: object, axis: int | None = None) -> None:
         """Drag along x; over the left axis, or with Ctrl, drag along y; with Shift draw a box to zoom to."""
-        if axis is None and event.modifiers() & Qt.KeyboardModifier.ShiftModifier:  # type: ignore[attr-defined]
-            self._draw_box(event)
-            return
-        super().mouseDragEvent(event, axis=self._axis_of(event, axis))
+        boxed = axis is None and event.modifiers() & Qt.KeyboardModifier.ShiftModifier  # type: ignore[attr-defined]
+        self.setMouseMode(self.RectMode if boxed else self.PanMode)
+        super().mouseDragEvent(event, axis=None if boxed else self._axis_of(event, axis))
         self.moved.emit()
 
     def _axis_of(self, event: object, axis: int | None) -> int:
@@ -57,22 +54,11 @@ class PlotViewBox(pg.ViewBox):
         self.y_set_by_user.emit(True)
         return 1
 
-    def _draw_box(self, event: Any) -> None:
-        """Draw the box while dragging, and zoom to it when the button is released."""
-        event.accept()
-        if not event.isFinish():
-            self.updateScaleBox(event.buttonDownPos(), event.pos())
-            return
-        self.rbScaleBox.hide()
-        box = QRectF(Point(event.buttonDownPos(event.button())), Point(event.pos()))
-        self.zoom_to(self.childGroup.mapRectFromParent(box.normalized()))
-
-    def zoom_to(self, box: QRectF) -> None:
+    def showAxRect(self, ax: QRectF, **how: Any) -> None:
         """Zoom to a box in the plot's units; a box without area is ignored."""
-        if box.width() > 0.0 and box.height() > 0.0:
+        if ax.width() and ax.height():
             self.y_set_by_user.emit(True)
-            self.setRange(xRange=(box.left(), box.right()), yRange=(box.top(), box.bottom()), padding=0)
-            self.placed.emit()
+            super().showAxRect(ax, padding=0, **how)
 
 
 Drawn = TypeVar("Drawn", SampledCurve, PointCurve)

@@ -49,7 +49,6 @@ class PlotView(Themed, pg.GraphicsLayoutWidget):
         self.addItem(plot, row=len(self.plots), col=0)
         self.plots = (*self.plots, plot)
         plot.view.moved.connect(self.record_view_later)
-        plot.view.placed.connect(self.record_view)
         plot.apply_colours(self.colours)
 
     @property

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pyqtgraph as pg
 from PySide6.QtCore import QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
@@ -147,18 +148,12 @@ class ResidualGrid(Themed, QWidget):
         """Draw a curve with at most two points per pixel, keeping its extremes."""
         columns = max(16, int(area.width()))
         places, y = Pyramid(values).view(0, values.size, columns)
-        x, at = places / max(1, values.size - 1), self._y(area, y)
+        x, at = area.left() + places * (area.width() / max(1, values.size - 1)), self._y(area, y)
         pen = QPen(colour)
         pen.setWidth(width)
         painter.setPen(pen)
-        points = QPolygonF()
-        for a, b in zip((area.left() + x * area.width()).tolist(), at.tolist(), strict=True):
-            if math.isfinite(b):
-                points.append(QPointF(a, b))
-            else:
-                painter.drawPolyline(points)
-                points = QPolygonF()
-        painter.drawPolyline(points)
+        for part in np.ma.clump_unmasked(np.ma.masked_invalid(at)):  # NaN interrupts the curve
+            painter.drawPolyline(pg.functions.arrayToQPolygonF(x[part], at[part]))
 
 
 MIN_DECADES = 0.7  # least decades beyond the linear part

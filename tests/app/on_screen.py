@@ -1,6 +1,8 @@
 """What a person reads or presses in a panel, found in its widgets."""
 
-from PySide6.QtWidgets import QLabel, QPushButton
+from PySide6.QtCore import QPoint, Qt
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QLabel, QPushButton, QTableView
 
 from app.session.entry import Entry
 from app.session.session import Session
@@ -27,6 +29,13 @@ def use_buttons(sheet: SetupSheet) -> list[QPushButton]:
     """Return the buttons that choose a device, from top to bottom."""
     widgets = [sheet._devices.itemAt(index).widget() for index in range(sheet._devices.count())]
     return [widget for widget in widgets if isinstance(widget, QPushButton)]
+
+
+def click_head(table: QTableView, column: int) -> None:
+    """Click the heading of a column."""
+    header = table.horizontalHeader()
+    place = QPoint(header.sectionViewportPosition(column) + header.sectionSize(column) // 2, header.height() // 2)
+    QTest.mouseClick(header.viewport(), Qt.MouseButton.LeftButton, pos=place)
 
 
 def large_text(panel: LargePanel, name: str) -> str:

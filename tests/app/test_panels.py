@@ -4,6 +4,7 @@ import csv
 import math
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -42,7 +43,7 @@ from app.window.plots import save
 from app.words.wording import number, unbroken, value_text
 from instrument.devices.device_search import FoundDevice
 from tests.app import synthetic
-from tests.app.on_screen import effect_button, large_text, next_buttons, trend_points
+from tests.app.on_screen import click_head, effect_button, large_text, next_buttons, trend_points
 
 
 @pytest.fixture(scope="module")
@@ -371,7 +372,7 @@ def test_the_table_sorts_filters_groups_and_hides_columns(qtbot):
     table.show_session(session)
     table.show()
     table.select([1])
-    click = table.table.horizontalHeader().sectionClicked.emit
+    click = partial(click_head, table.table)
     click(3)  # v in
     assert table.shown == [1, 3, 2] and table.numbers == [1]
     click(3)
@@ -412,7 +413,7 @@ def test_compare_overlays_and_shows_the_trend_against_speed(qtbot):
     panel.show()
     panel.show_entries(list(session.entries))
     assert sorted(round(x, 3) for x, _ in trend_points(panel.trend)) == [0.2, 0.25, 0.3]
-    told = [item for item in panel._numbers._items if item.isVisible()]
+    told = [item for item in panel._labels if item.isVisible()]
     assert [item.toPlainText() for item in told] == ["1", "2", "3"]  # colour alone does not tell which is which
     assert len({item.pos().x() for item in told}) == 3
     panel.which.setCurrentIndex(panel.which.findData("plate_stiffness_n_per_m"))

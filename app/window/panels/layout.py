@@ -178,7 +178,10 @@ def restore_state(window: QMainWindow, panels: Layout, words: str) -> None:
     window.restoreGeometry(parts[0])
     for splitter, part in zip(splitters, parts[1:-1], strict=True):
         splitter.restoreState(part)
-    panels.table.table.horizontalHeader().restoreState(parts[-1])
+    header = panels.table.table.horizontalHeader()
+    header.restoreState(parts[-1])
+    header.setSortIndicatorClearable(True)  # not in states saved by earlier versions
+    header.setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
 
 
 USUAL = QSize(1480, 920)

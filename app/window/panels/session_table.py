@@ -104,7 +104,9 @@ class SessionTable(QFrame):
             self.table.setColumnHidden(index, made.hidden)
         header.setStretchLastSection(True)
         header.setSectionsClickable(True)
-        header.sectionClicked.connect(self._sort_by)
+        header.setSortIndicatorClearable(True)
+        header.setSortIndicator(-1, Qt.SortOrder.AscendingOrder)
+        header.sortIndicatorChanged.connect(self._sort_by)
         header.setToolTip(
             "In brackets: the combined standard uncertainty of the last digits.\n"
             "Click to sort by this column, click again to reverse, a third time for the order taken"
@@ -136,20 +138,12 @@ class SessionTable(QFrame):
         order = replace(self.model.order, words=self.filter.text(), group=str(self.group.currentData()))
         self._reorder(order)
 
-    @Slot(int)
-    def _sort_by(self, column: int) -> None:
-        """Sort by a column; the second click reverses the order, the third restores the order taken."""
-        now = self.model.order
-        if now.column != column:
-            now = replace(now, column=column, falling=False)
-        else:
-            now = replace(now, falling=True) if not now.falling else replace(now, column=None, falling=False)
-        header = self.table.horizontalHeader()
-        header.setSortIndicatorShown(now.column is not None)
-        if now.column is not None:
-            way = Qt.SortOrder.DescendingOrder if now.falling else Qt.SortOrder.AscendingOrder
-            header.setSortIndicator(now.column, way)
-        self._reorder(now)
+    @Slot(int, Qt.SortOrder)
+    def _sort_by(self, column: int, way: Qt.SortOrder) -> None:
+        """Sort by a column; -1: in the order taken."""
+        self.table.horizontalHeader().setSortIndicatorShown(column >= 0)
+        falling = way is Qt.SortOrder.DescendingOrder
+        self._reorder(replace(self.model.order, column=column if column >= 0 else None, falling=falling))
 
     def _reorder(self, order: TableOrder) -> None:
         self._keeping_selection(lambda: self.model.arrange(order))

@@ -112,12 +112,12 @@ def test_a_curve_s_number_lies_on_it_wherever_the_view_goes(panel) -> None:
     panel.show_entries(_entries(3))
     for left, right in ((-60.0, 20.0), (-20.0, 10.0)):
         panel.stack.show_span(left, right)
-        for n, (item, curve) in enumerate(zip(panel._numbers._items, panel._numbers._curves, strict=False)):
+        for n, (item, curve) in enumerate(zip(panel._labels[:3], panel._velocity_curves[:3], strict=True)):
             at = left + (n + 1) / 4 * (right - left)
             assert item.toPlainText() == str(n + 1) and item.isVisible()
             assert (item.pos().x(), item.pos().y()) == pytest.approx((at, curve.value_at(at)))
     panel.stack.show_span(500.0, 600.0)
-    assert not any(item.isVisible() for item in panel._numbers._items)
+    assert not any(item.isVisible() for item in panel._labels)
 
 
 def test_another_number_has_another_trend(panel) -> None:

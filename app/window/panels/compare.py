@@ -6,7 +6,7 @@ from itertools import zip_longest
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import QObject, Qt, Slot
+from PySide6.QtCore import Qt, Slot
 from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QHBoxLayout, QSplitter, QWidget
 
@@ -22,7 +22,7 @@ from app.window.plots.framed_plot import AXIS_WIDTH, ON_TOP
 from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import series, straight
 from app.window.plots.plain_plot import PlainPlot
-from app.window.plots.time_plot import TimePlot, TimeStack
+from app.window.plots.time_plot import TimeStack
 from app.words import lines, localised_number, number, short_name, tag
 
 
@@ -104,43 +104,6 @@ def _overlay(entries: Sequence[Entry], curves: Sequence[SampledCurve], quantity:
             curve.show_samples(*grid_ms(entry.shot), getattr(entry.shot.motion, quantity))
 
 
-class _CurveNumbers(QObject):
-    """Labels each curve with its shot's number, at positions spread over the view."""
-
-    def __init__(self, plot: TimePlot, parent: QObject) -> None:
-        super().__init__(parent)
-        self._plot = plot
-        self._curves: list[SampledCurve] = []
-        self._items: list[pg.TextItem] = []
-        plot.view.sigXRangeChanged.connect(self.place)
-
-    def show(self, curves: list[SampledCurve], numbers: list[str], colours: Colours) -> None:
-        while len(self._items) < len(curves):
-            item = pg.TextItem(anchor=(0.5, 0.5))
-            item.setZValue(ON_TOP)
-            self._plot.addItem(item, ignoreBounds=True)
-            self._items.append(item)
-        self._curves = curves
-        for index, item in enumerate(self._items):
-            item.setVisible(index < len(curves))
-            if index < len(curves):
-                item.setText(numbers[index], series(index).of(colours))
-                item.fill = pg.mkBrush(colours.plot)
-        self.place()
-
-    @Slot()
-    def place(self) -> None:
-        """Place the labels on their curves, spread over the view."""
-        (left, right), _ = self._plot.view.viewRange()
-        for index, curve in enumerate(self._curves):
-            at = left + (index + 1) / (len(self._curves) + 1) * (right - left)
-            value = curve.value_at(at)
-            seen = value == value
-            self._items[index].setVisible(seen)
-            if seen:
-                self._items[index].setPos(at, value)
-
-
 class ComparePanel(Themed, QWidget):
     """The COMPARE page: overlay on the left, trend on the right."""
 
@@ -166,7 +129,11 @@ class ComparePanel(Themed, QWidget):
         self._velocity_curves, self._force_curves = (
             [plot.add_curve("", series(index)) for index in range(MOST)] for plot in (velocity, force)
         )
-        self._numbers = _CurveNumbers(velocity, self)
+        self._labels = [pg.TextItem(anchor=(0.5, 0.5)) for _ in range(MOST)]  # the number of each curve's shot
+        for label in self._labels:
+            label.setZValue(ON_TOP)
+            velocity.addItem(label, ignoreBounds=True)
+        velocity.view.sigXRangeChanged.connect(self._place_labels)
         right = QWidget(split)
         right_column = vertical(right, (6, 0, 0, 0))
         self.trend = added(right_column, TrendPlot(right), 1)
@@ -185,10 +152,25 @@ class ComparePanel(Themed, QWidget):
 
     def _label_lines(self) -> None:
         shown = self._entries[-MOST:]
-        self._numbers.show(self._velocity_curves[: len(shown)], [str(e.number) for e in shown], self.colours)
+        for index, (label, entry) in enumerate(zip(self._labels, shown, strict=False)):
+            label.setText(str(entry.number), series(index).of(self.colours))
+            label.fill = pg.mkBrush(self.colours.plot)
+        self._place_labels()
         entries = [(f"{e.number}  {short_name(e.name)}", series(index)) for index, e in enumerate(shown)]
         self._legend.show_entries(entries)
         self.stack.legend = entries
+
+    @Slot()
+    def _place_labels(self) -> None:
+        """Place the labels on their curves, spread over the view; a curve out of view has none."""
+        left, right = self.stack.span
+        count = len(self._entries[-MOST:])
+        for place, (label, curve) in enumerate(zip(self._labels, self._velocity_curves, strict=True), 1):
+            at = left + place / (count + 1) * (right - left)
+            value = curve.value_at(at)
+            label.setVisible(math.isfinite(value))
+            if math.isfinite(value):
+                label.setPos(at, value)
 
     def show_entries(self, entries: list[Entry]) -> None:
         """Overlay the last ``MOST`` of these entries and show the trend of all."""

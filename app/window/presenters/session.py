@@ -242,20 +242,13 @@ class SessionPresenter(QObject):
         self._workbench.set_note(number, note)
         self._show_table()
 
-    @Slot()
-    def previous_shot(self) -> None:
-        self._step(-1)
-
-    @Slot()
-    def next_shot(self) -> None:
-        self._step(1)
-
-    def _step(self, by: int) -> None:
+    def step_shot(self, by: str) -> None:
+        """Select the shot above ("-1") or below ("1") in the table; the last one if none is selected."""
         numbers = self._panels.table.shown
         if numbers:
             front = self._selection.front()
             there = front is not None and front.number in numbers
-            place = max(0, numbers.index(front.number) + by) if front is not None and there else len(numbers)
+            place = max(0, numbers.index(front.number) + int(by)) if front is not None and there else len(numbers)
             self._panels.table.select([numbers[min(place, len(numbers) - 1)]])
 
     @Slot()

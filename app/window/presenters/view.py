@@ -62,18 +62,11 @@ class ViewPresenter(QObject):
         if (plot := self._plot()) is not None:
             plot.reset()
 
-    @Slot()
-    def view_back(self) -> None:
-        self._step_view(-1)
-
-    @Slot()
-    def view_forward(self) -> None:
-        self._step_view(1)
-
-    def _step_view(self, by: int) -> None:
+    def step_view(self, by: str) -> None:
+        """Go back ("-1") or forward ("1") in the plot's history of views."""
         plot = self._plot()
-        if plot is not None and not plot.step_view(by):
-            self._panels.say("No previous view" if by < 0 else "No next view", Tone.NEUTRAL)
+        if plot is not None and not plot.step_view(int(by)):
+            self._panels.say("No previous view" if by == "-1" else "No next view", Tone.NEUTRAL)
 
     @Slot()
     def toggle_cursors(self) -> None:

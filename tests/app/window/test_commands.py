@@ -110,7 +110,7 @@ def test_commands_on_the_other_pages(window, calls):
     """The same keys on COMPARE, on LIVE, and where there is no plot."""
     parts = {}
     for page in (Layout.LIVE, Layout.COMPARE, Layout.SPECTRUM, Layout.BUDGET):
-        for name in ("show_view:contact", "toggle_cursors", "reset_view", "view_back", "note_on_plot", "plot_menu"):
+        for name in ("show_view:contact", "toggle_cursors", "reset_view", "step_view:-1", "note_on_plot", "plot_menu"):
             _start(window)
             show(window, page, *((FIRST,) if page == Layout.SPECTRUM else (FIRST, SECOND)))
             before = _state(window)
@@ -136,10 +136,10 @@ def test_notes_removals_and_steps_through_the_list(window):
         notes = [entry.note for entry in window.workbench.session.entries]
         return panels.table.numbers, panels.table.shown, notes, panels.work.notices.words
 
-    assert after("next_shot")[0] == [2] and after("previous_shot", "previous_shot")[0] == [1]
+    assert after("step_shot:1")[0] == [2] and after("step_shot:-1", "step_shot:-1")[0] == [1]
     panels.table.select([])
-    assert after("previous_shot")[0] == [4]  # the last where none is selected
-    assert after("next_shot")[0] == [4]
+    assert after("step_shot:-1")[0] == [4]  # the last where none is selected
+    assert after("step_shot:1")[0] == [4]
     panels.table.select([2, 3])
     settle(window)
     removed = after("remove_selected")

@@ -149,7 +149,6 @@ class LivePanel(QWidget):
         self.stack.label_time("time before now")
         self.stack.show_whole(-WINDOW_MS, 0.0)
         grid.addWidget(self.stack, 0, 0, 5, 1)
-        self._readouts: list[CursorReadout] = []
         self.numbers: dict[str, QLabel] = {}
         self._digits_s = -math.inf  # stream time at which the digits were set
         self._raw_shown: tuple[object, float] = (None, -math.inf)  # (channels, levels) and stream time last drawn
@@ -169,8 +168,7 @@ class LivePanel(QWidget):
         grid.addWidget(self.raw, 4, 1)
         self.plots = (self.stack, self.raw)
         for line, plot in enumerate(self.plots, 5):
-            grid.addWidget(readout := CursorReadout(plot, self), line, 0, 1, 2)
-            self._readouts.append(readout)
+            grid.addWidget(CursorReadout(plot, self), line, 0, 1, 2)
         self.floor = SiteFloorPanel(self)
         grid.addWidget(self.floor, 7, 0, 1, 2)
         grid.setColumnStretch(0, 1)
@@ -233,8 +231,8 @@ class LivePanel(QWidget):
             digits = localised_number(_digits(form, float(seen.mean()))) if len(seen) else DASH
             self.numbers[name].setText(digits)
             self.numbers[name].setAccessibleDescription(digits)
-        for readout in self._readouts:
-            readout.refresh()
+        for plot in self.plots:
+            plot.cursors.moved.emit()  # their readings change with the curves
 
     def show_raw(
         self,

@@ -49,7 +49,7 @@ def test_messages_have_an_age_and_a_list(panels, monkeypatch):
     assert "ago" not in line._words.whole
     now = time.monotonic()
     monkeypatch.setattr(time, "monotonic", lambda: now + 185)
-    line._aged()
+    line._refresh()
     assert line._words.whole.endswith("(3 min ago)")
     line.next()
     line.next()

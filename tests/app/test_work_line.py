@@ -60,7 +60,7 @@ def test_an_age_is_told_from_a_minute_on(line, monkeypatch) -> None:
     line.say("old", Tone.WARNING)
     for later, said in ((59.0, ""), (61.0, "   (1 min ago)"), (3590.0, "   (59 min ago)"), (7300.0, "   (2 h ago)")):
         now[0] = 5000.0 + later
-        line._aged()
+        line._refresh()
         assert _whole(line) == f"{MARKS[Tone.WARNING]} old{said}"
     line.say("old", Tone.WARNING)  # the same once more is new again
     assert _whole(line) == f"{MARKS[Tone.WARNING]} old" and len(line.history) == 1

@@ -16,7 +16,7 @@ from app.window.panels.shot_raw import RawCurves, RawView
 from app.window.plots.cursors import CursorReadout
 from app.window.plots.legend import Legend, is_low
 from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, LineStyle
-from app.window.plots.plot_view import PlotView
+from app.window.plots.plot_view import PlotView, in_front
 from app.words import lines, tag
 
 VIEWS = {  # name -> (label, tooltip)
@@ -73,11 +73,9 @@ class ShotPanel(QWidget):
         self.show_shot(None)
 
     def plot_in_front(self) -> PlotView | None:
-        """Return the visible plot, or None."""
-        page = self._pages.currentWidget()
-        if page in self.drive.pages.values():
-            return self.drive.plot_in_front(self.view)
-        return page if isinstance(page, PlotView) else None
+        """Return the focused plot of the view, else its first, or None."""
+        shown = [plot for plot in self.plots if plot.isVisibleTo(self)]
+        return in_front(shown) if shown else None
 
     def _build(self) -> None:
         column = vertical(self, (6, 6, 6, 2), 4)

@@ -14,7 +14,7 @@ from app.window.plots.cursors import DISTANCE, SECONDS, SPEED, CursorAxis
 from app.window.plots.lines import BAND, MEASURED, RESIDUAL, SIMULATED, LineStyle
 from app.window.plots.plain_plot import PlainPlot
 from app.window.plots.plot_notes import NoteAxes
-from app.window.plots.plot_view import PlotView, in_front
+from app.window.plots.plot_view import PlotView
 from app.window.plots.time_plot import TimeStack
 from app.words import DASH, number, repeatability_words
 
@@ -43,11 +43,6 @@ class DriveView:
         self.pages: dict[str, QWidget] = {"whole": self.stack, "contact": self.speed, "deflection": self.place}
         self.plots: tuple[PlotView, ...] = (self.stack, *self.speed.plots, *self.place.plots)
         self.say = text_label("", parent, faint=True, selectable=True, wrap=True)
-
-    def plot_in_front(self, view: str) -> PlotView:
-        """Return the focused plot of a view, else its first plot."""
-        page = self.pages[view]
-        return in_front(page.plots) if isinstance(page, ForceAgainst) else self.stack
 
     def legend(self) -> list[tuple[str, LineStyle]]:
         below = "band"

@@ -23,7 +23,6 @@ from PySide6.QtWidgets import (
 
 from analysis.collision.effects import CATALOGUE
 from app.session.session import Session
-from app.session.settings import FIELDS
 from app.window.controls import commands
 from app.window.controls.commands import COMMANDS, MENUS
 from app.window.controls.theme import Theme
@@ -52,7 +51,6 @@ def whole(qapp):
     main = QMainWindow()
     main.panels = Layout(Theme("light"), main)
     main.setCentralWidget(main.panels)
-    main.panels.settings.offer(FIELDS)
     main.pressed = Pressed()
     commands.bind(main, (main.pressed,))
     session = Session()

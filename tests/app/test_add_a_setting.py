@@ -159,7 +159,6 @@ def test_a_flag_is_parsed_helped_and_bounded_as_it_is_declared(monkeypatch, caps
 def test_the_sheet_offers_what_is_declared(qtbot):
     sheet = SettingsSheet()
     qtbot.addWidget(sheet)
-    sheet.offer(FIELDS)
     sheet.show_values(Settings().values())
     assert {"fit_seconds", "diagnosis_seconds"} <= {setting.key for setting in FIELDS}
     sheet._editors["diagnosis_seconds"].setText("7.5")

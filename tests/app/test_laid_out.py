@@ -11,7 +11,6 @@ from PySide6.QtWidgets import QGraphicsView, QGridLayout, QLabel, QLayout, QPush
 from analysis.drive.curves import drive_curves
 from analysis.uncertainty.numbers import NUMBERS
 from app.session.session import Session
-from app.session.settings import FIELDS
 from app.session.settings_store import SettingsStore
 from app.window.controls.theme import DARK, LIGHT, MARKS, Theme, Tone, sized, style_sheet
 from app.window.controls.widgets import FlowLayout, set_tone, show_toned, text_label
@@ -38,7 +37,6 @@ def _panels(qtbot, colours):
     theme.colours = colours  # the application's own style sheet takes seconds
     panels = Layout(theme)
     qtbot.addWidget(panels)
-    panels.settings.offer(FIELDS)
     session = Session()
     for index, speed in enumerate((0.2, 0.25), 1):
         session.add(synthetic.shot(f"shot-{index}", speed, index))

@@ -22,7 +22,7 @@ from app.session.result_cache import ResultCache
 from app.session.rig import Rig
 from app.session.session import Entry, Session
 from app.session.session_files import Unlisted, listed_by, unlisted
-from app.session.settings import FIELDS, Settings
+from app.session.settings import Settings
 from app.session.settings_store import SettingsStore
 from app.session.workbench import Workbench
 from app.window.controls.theme import Theme
@@ -50,7 +50,6 @@ def _sheet(qtbot: QtBot) -> tuple[SettingsSheet, list[dict[str, object]]]:
     """Return the settings as they come, and the list into which it lays what is applied."""
     sheet = SettingsSheet()
     qtbot.addWidget(sheet)
-    sheet.offer(FIELDS)
     sheet.show_values(Settings().values())
     taken: list[dict[str, object]] = []
     sheet.applied.connect(taken.append)

@@ -173,7 +173,6 @@ def test_the_sheet_opens_in_its_first_field(qtbot):
     page = QWidget()
     qtbot.addWidget(page)
     sheet = SettingsSheet(page)
-    sheet.offer(FIELDS)
     page.show()
     sheet.open()
     assert sheet.isVisible() and page.focusWidget() is sheet._editors[FIELDS[0].key]
@@ -185,7 +184,6 @@ def test_the_sheet_opens_in_its_first_field(qtbot):
 def test_a_folder_is_chosen_by_the_button_beside_its_field(qtbot, monkeypatch, tmp_path):
     sheet = SettingsSheet()
     qtbot.addWidget(sheet)
-    sheet.offer(FIELDS)
     sheet.show_values(Settings(folder="/before").values())
     asked = []
 

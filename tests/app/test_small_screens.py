@@ -32,7 +32,7 @@ from app.report.shot_figures import time_zero
 from app.session.jobs import Jobs
 from app.session.kernels import PIECES
 from app.session.session import Session
-from app.session.settings import FIELDS, Settings
+from app.session.settings import Settings
 from app.window.controls import commands
 from app.window.controls.theme import DARK, LIGHT, Theme, Tone
 from app.window.panels.layout import Layout
@@ -72,7 +72,6 @@ def window(qapp, request, shots):
     panels = main.panels = Layout(Theme("light"), main)
     main.setCentralWidget(panels)
     commands.bind(main, (_Nobody(),))
-    panels.settings.offer(FIELDS)
     panels.settings.show_values(Settings().values())
     panels.controls.offer_sources([("bench", "Simulated bench with a flaw")], "bench")
     session = Session()

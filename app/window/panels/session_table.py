@@ -47,7 +47,6 @@ class SessionTable(QFrame):
     """The table of shots with its buttons."""
 
     selected = Signal()
-    note_edited = Signal(int, str)
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
@@ -75,7 +74,6 @@ class SessionTable(QFrame):
     def _make_table(self) -> None:
         """Make the table, with columns as wide as their usual content."""
         self.model = SessionModel(self)
-        self.model.note_edited.connect(self.note_edited)
         self.table = QTableView(self)
         self.table.setModel(self.model)
         self.table.setAccessibleName("Shots of the session")

@@ -4,6 +4,7 @@ from PySide6.QtCore import Qt, Signal, Slot
 from PySide6.QtWidgets import QCheckBox, QComboBox, QFormLayout, QLineEdit, QScrollArea, QSizePolicy, QWidget
 
 from analysis.uncertainty import with_unit
+from app.session import FIELDS
 from app.window.controls.file_dialog import PathKind, ask
 from app.window.controls.theme import Tone
 from app.window.controls.widgets import Sheet, added, fill_box, horizontal, push_button, show_toned, text_label
@@ -20,7 +21,6 @@ class SettingsSheet(Sheet):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__("Settings", parent)
-        self._fields: tuple[Setting, ...] = ()
         self._editors: dict[str, QWidget] = {}
         column, _ = self.head("Settings", "Close without applying  (F2 or Esc)")
         hint = "Settings apply to the next shots; each shot keeps the settings with which it was taken."
@@ -29,20 +29,19 @@ class SettingsSheet(Sheet):
         self._scroll.setAccessibleName("Fields of the settings")
         self._scroll.setWidgetResizable(True)
         self._scroll.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+        self._add_fields()
         self.problem = added(column, text_label("", self, wrap=True, bold=True))
         self.problem.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
         hover = "Apply these settings from the next shot on  (Enter in a field)"
         self._apply = added(column, push_button("Apply", hover, self, self.apply, primary=True))
 
-    def offer(self, fields: tuple[Setting, ...]) -> None:
-        self._fields = fields
-        self._editors = {}
+    def _add_fields(self) -> None:
         inner = QWidget(self)
         form = QFormLayout(inner)
         form.setContentsMargins(0, 4, 12, 4)
         form.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.ExpandingFieldsGrow)
         group = ""
-        for field in fields:
+        for field in FIELDS:
             if field.group != group:
                 group = field.group
                 form.addRow(text_label(group.upper(), inner, heading=True))
@@ -91,7 +90,7 @@ class SettingsSheet(Sheet):
 
     def show_values(self, values: dict[str, Value]) -> None:
         self.problem.setText("")
-        for field in self._fields:
+        for field in FIELDS:
             editor, value = self._editors[field.key], values.get(field.key)
             if isinstance(editor, QComboBox):
                 editor.setCurrentIndex(max(0, editor.findData(value)))
@@ -104,7 +103,7 @@ class SettingsSheet(Sheet):
     def apply(self) -> None:
         """Check all fields; emit the values if they are valid, else show the first error."""
         values: dict[str, Value] = {}
-        for field in self._fields:
+        for field in FIELDS:
             editor = self._editors[field.key]
             if isinstance(editor, QComboBox):
                 values[field.key] = str(editor.currentData())

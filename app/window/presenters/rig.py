@@ -6,7 +6,7 @@ from pathlib import Path
 from PySide6.QtCore import QObject, Signal, Slot
 from PySide6.QtWidgets import QApplication
 
-from app.session import FIELDS, Entry, Rig, SettingsStore
+from app.session import Entry, Rig, SettingsStore
 from app.window.controls.file_dialog import PathKind, ask
 from app.window.controls.theme import Tone
 from app.window.controls.widgets import Sheet
@@ -39,7 +39,6 @@ class RigPresenter(QObject):
             panel.source_wanted.connect(self.use_source)
         panels.setup.arm.clicked.connect(self.arm)
         panels.settings.applied.connect(self._settings_applied)
-        panels.settings.offer(FIELDS)
         self._offer_sources()
 
     def refresh(self) -> Snapshot:

@@ -50,7 +50,7 @@ class SessionPresenter(QObject):
         self._choose_next = False  # whether to select the next opened shot
         self._store = store
         self._dialogs = FileDialogs(panels, lambda: store.start_folder)
-        panels.table.note_edited.connect(self._note_edited)
+        panels.table.model.note_edited.connect(self._note_edited)
         panels.work.cancel.clicked.connect(self._cancel_work)
 
     # results ----------------------------------------------------------------------------------------------------

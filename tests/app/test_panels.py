@@ -228,7 +228,7 @@ def test_numbers_warn_where_the_two_ratios_differ(qtbot, shot):
 
 def test_the_shots_plots_are_linked_and_zoom_to_a_bounce_that_is_clicked(shot_panel):
     shot_panel.stack.zoom(-1.0, 8.0)
-    shot_panel.stack.clicked.emit(1.7708)
+    shot_panel.stack.plots[0].view.clicked.emit(1.7708)
     for plot in shot_panel.stack.plots:
         (left, right), _ = plot.view.viewRange()
         assert left == pytest.approx(1.7708 - 0.6, abs=1e-3)
@@ -247,7 +247,7 @@ def test_of_plots_above_one_another_only_the_lowest_takes_room_for_the_time_and_
 def test_a_click_on_a_motion_without_a_collision_zooms_nowhere(shot_panel, shot):
     shot_panel.show_shot(replace(shot, impact=None, fit=None))
     before = shot_panel.stack.span
-    shot_panel.stack.clicked.emit(1.7708)
+    shot_panel.stack.plots[0].view.clicked.emit(1.7708)
     assert shot_panel.stack.span == before
 
 
@@ -342,7 +342,7 @@ def test_the_table_shows_shots_and_passes_notes_on(qtbot, shot):
     assert model.data(model.index(0, 5)) == "0.9875560(72)"  # the budget's, not from noise alone
     assert model.data(model.index(1, 5)) == "–"
     assert model.data(model.index(1, 9)) == "no beat on PD1"
-    with qtbot.waitSignal(table.note_edited) as noted:
+    with qtbot.waitSignal(table.model.note_edited) as noted:
         model.setData(model.index(1, NOTE), "again", Qt.ItemDataRole.EditRole)
     assert noted.args == [2, "again"]
     table.select([1, 2])

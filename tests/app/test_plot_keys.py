@@ -95,14 +95,6 @@ def test_a_state_noted_after_going_back_replaces_those_that_followed() -> None:
     assert back[-1] is None and back[-2] == 10  # the oldest that is kept
 
 
-def test_a_click_in_any_plot_says_when_it_was(stack) -> None:
-    clicked: list[float] = []
-    stack.clicked.connect(clicked.append)
-    stack.plots[0].view.clicked.emit(12.5, 3.0)
-    stack.plots[1].view.clicked.emit(14.0, 4.0)
-    assert clicked == [12.5, 14.0]
-
-
 def test_the_menu_does_what_it_says(stack) -> None:
     exported: list[tuple[object, str]] = []
     stack.export_wanted.connect(lambda plot, kind: exported.append((plot, kind)))

@@ -111,7 +111,7 @@ def test_marks_stand_at_these_times_alone(stack) -> None:
     plot = stack.plots[0]
     plot.mark([1.0, 2.0, 3.0])
     plot.mark([7.0, 8.0])
-    assert [(line.value(), line.isVisible()) for line in plot.marks] == [(7.0, True), (8.0, True), (3.0, False)]
+    assert plot.marks.xvals == [7.0, 8.0]
 
 
 def test_nothing_in_view_leaves_the_axis_as_it_is(stack) -> None:

@@ -51,7 +51,8 @@ class MotionView(QObject):
         self.kind = combo_box("Which residual the lowest plot shows", hover, parent, items)
         self.kind.currentIndexChanged.connect(self._show_residual)
         self.kind.activated.connect(self._kind_chosen)
-        self.stack.clicked.connect(self._zoom_on_bounce)
+        for plot in self.stack.plots:
+            plot.view.clicked.connect(self._zoom_on_bounce)
 
     def show_shot(self, shot: Shot, band_from: Diagnosis | None = None) -> None:
         """Show an analysed shot, with the noise band of the diagnosis ``band_from`` if given."""

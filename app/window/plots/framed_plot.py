@@ -16,7 +16,7 @@ from app.window.plots.lines import CrispCurve
 class PlotViewBox(pg.ViewBox):
     """A view box that emits clicks; dragging moves one axis, dragging with Shift zooms to a box."""
 
-    clicked = Signal(float, float)
+    clicked = Signal(float)  # x
     y_set_by_user = Signal(bool)
     moved = Signal()  # the operator is moving the view
 
@@ -25,10 +25,10 @@ class PlotViewBox(pg.ViewBox):
         self.disableAutoRange()
 
     def mouseClickEvent(self, event: object) -> None:
-        """Emit the position of a left click in the plot's units."""
+        """Emit the x of a left click in the plot's units."""
         if event.button() == Qt.MouseButton.LeftButton:  # type: ignore[attr-defined]
             point: QPointF = self.mapSceneToView(event.scenePos())  # type: ignore[attr-defined]
-            self.clicked.emit(point.x(), point.y())
+            self.clicked.emit(point.x())
             event.accept()  # type: ignore[attr-defined]
 
     def wheelEvent(self, event: object, axis: int | None = None) -> None:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, Signal, Slot
+from PySide6.QtCore import Qt, Slot
 from PySide6.QtWidgets import QWidget
 
 from app.window.controls.theme import Colours
@@ -26,7 +26,9 @@ class TimePlot(FramedPlot):
     def __init__(self, title: str, unit: str) -> None:
         super().__init__(title, unit)
         self.bands: list[Band] = []
-        self.marks: list[pg.InfiniteLine] = []
+        self.marks = pg.VTickGroup()
+        self.marks.setZValue(-5)
+        self.addItem(self.marks, ignoreBounds=True)
         self._levels: list[pg.InfiniteLine] = []
         self.levels: dict[str, float] = {}  # set by ``show_levels``
         self.minimum_span = 0.0
@@ -38,8 +40,7 @@ class TimePlot(FramedPlot):
 
     def apply_colours(self, colours: Colours) -> None:
         super().apply_colours(colours)
-        for mark in self.marks:
-            mark.setPen(straight(colours.marker, Qt.PenStyle.DotLine))
+        self.marks.setPen(straight(colours.marker, Qt.PenStyle.DotLine))
 
     def add_curve(self, label: str, look: LineStyle) -> SampledCurve:
         return self.added(SampledCurve(label, look))
@@ -56,15 +57,8 @@ class TimePlot(FramedPlot):
 
     def mark(self, times: list[float]) -> None:
         """Show vertical dotted lines at exactly these x."""
-        while len(self.marks) < len(times):
-            line = pg.InfiniteLine(angle=90, pen=straight(self.colours.marker, Qt.PenStyle.DotLine))
-            line.setZValue(-5)
-            self.addItem(line, ignoreBounds=True)
-            self.marks.append(line)
-        for index, line in enumerate(self.marks):
-            line.setVisible(index < len(times))
-            if index < len(times):
-                line.setValue(times[index])
+        self.marks.setXVals(times)
+        self.marks.update()
 
     def mark_level(self, level: float, words: str) -> None:
         """Show a horizontal dotted line at a value, labelled at its right end."""
@@ -140,7 +134,6 @@ class TimePlot(FramedPlot):
 class TimeStack(PlotView):
     """Stacked plots with linked time axes; x is in the unit of ``axis``."""
 
-    clicked = Signal(float)
     plots: tuple[TimePlot, ...]
 
     def __init__(self, name: str, parent: QWidget | None = None, axis: CursorAxis = TIME) -> None:
@@ -155,7 +148,6 @@ class TimeStack(PlotView):
             self.plots[-1].hide_bottom_values()
         self.join(plot)
         self.ci.layout.setRowStretchFactor(len(self.plots) - 1, stretch)
-        plot.view.clicked.connect(self._clicked)
         plot.getAxis("left").share_labels(self._value_axes)
         return plot
 
@@ -180,7 +172,3 @@ class TimeStack(PlotView):
     @Slot()
     def reset(self) -> None:
         self.zoom(*(self.whole or self.span))
-
-    @Slot(float, float)
-    def _clicked(self, x: float, _y: float) -> None:
-        self.clicked.emit(x)

@@ -36,7 +36,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from app.window.controls.widgets import ElidedLabel
+from app.window.controls.widgets import ElidedLabel, FoldButton
 from app.window.panels.effects import Bar
 from app.window.panels.rig import Banner
 from app.window.plots.curve import Band
@@ -148,7 +148,8 @@ def shortened(lines: Sequence[str]) -> list[str]:
 
 def _weight(widget: QWidget) -> str:
     """Return how much a text stands out, whether it is set to the right, and whether it can be copied."""
-    said = [name for name in ("heading", "faint", "fold") if widget.property(name)]
+    said = [name for name in ("heading", "faint") if widget.property(name)]
+    said += ["fold"] if isinstance(widget, FoldButton) else []
     said += ["bold"] if widget.font().bold() else []
     if isinstance(widget, QLabel):
         said += ["right"] if widget.alignment() & Qt.AlignmentFlag.AlignRight else []
@@ -335,6 +336,8 @@ def _of_item(item: object) -> list[str]:
             way = "x" if item.angle == 90 else "y"
             label = getattr(item, "label", None)
             return [f"line at {way} = {_figure(item.value())} {label.format if label is not None else ''}".rstrip()]
+        case pg.VTickGroup():
+            return [f"line at x = {_figure(x)}" for x in item.xvals]
         case pg.TextItem():
             return [f"words {item.toPlainText()!r} at {_figure(item.pos().x())}, {_figure(item.pos().y())}"]
         case pg.ErrorBarItem():

@@ -234,7 +234,6 @@ class FoldButton(QToolButton):
 
     def __init__(self, words: str, hover: str, parent: QWidget) -> None:
         super().__init__(parent)
-        self.setProperty("fold", True)
         self.setCheckable(True)
         self.setText(words)
         self.setToolTip(hover)

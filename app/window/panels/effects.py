@@ -50,13 +50,8 @@ class EffectRows(QWidget):
         for effect in in_model:
             if effect not in {one.effect for one in found}:
                 self._add_row(effect, TRIED if effect in tried else "", True)
-        if focused_effect is not None:  # keep the focus on the button of the same effect
-            self._focus(focused_effect)
-
-    def _focus(self, effect: str) -> None:
-        """Set the focus to the button of an effect, given by its key."""
-        for button in self._buttons():
-            if button.property("effect") == effect:
+        for button in self._buttons():  # keep the focus on the button of the same effect
+            if focused_effect is not None and button.property("effect") == focused_effect:
                 button.setFocus()
 
     def _add_row(self, effect: Effect, words: str, in_model: bool) -> None:

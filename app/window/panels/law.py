@@ -164,10 +164,8 @@ class LawSheet(Sheet):
         hover = "The body on which the force acts; between the two: on the block, reversed on the plate"
         self.where = combo_box("Where it acts", hover, self, PLACES)
         self.formula = self._line("Formula", "-c * v**3")
-        for words, editor in (
-            ("Name", self.name), ("In words", self.words), ("Where it acts", self.where), ("Formula", self.formula),
-        ):  # fmt: skip
-            form.addRow(words, editor)
+        for editor in (self.name, self.words, self.where, self.formula):
+            form.addRow(editor.accessibleName(), editor)
         column.addLayout(form)
         column.addWidget(text_label("PARAMETERS", self, heading=True))
         grid = QGridLayout()

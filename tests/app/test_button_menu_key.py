@@ -18,7 +18,7 @@ PAIRS = {  # words of a button, and the command
     "± from noise only": "toggle:numbers.noise_only",
     "Whole shot": "show_view:whole", "First contact": "show_view:contact",
     "Force vs deflection": "show_view:deflection", "Gap": "show_view:gap", "Raw signals": "show_view:raw",
-    "Cursors": "toggle_cursors", "Save plot …": "plot_menu", "Diagnose": "diagnose",
+    "Cursors": "on_plot:toggle_cursors", "Save plot …": "on_plot:open_menu", "Diagnose": "diagnose",
 }  # fmt: skip
 
 

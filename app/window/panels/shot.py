@@ -87,12 +87,12 @@ class ShotPanel(QWidget):
             self._group.addButton(button)
             self._buttons[name] = button
             bar.addWidget(button)
-        hover = with_keys("Two cursors: differences, mean, rms and slope between them", "toggle_cursors")
+        hover = with_keys("Two cursors: differences, mean, rms and slope between them", "on_plot:toggle_cursors")
         self._cursor_button = push_button("Cursors", hover, self, checkable=True)
         self._cursor_button.toggled.connect(self.show_cursors)
         bar.addWidget(self._cursor_button)
         hover = "Save this plot as PNG, SVG or CSV; also by right click"
-        self.save_plot = push_button("Save plot …", hover, self, command="plot_menu")
+        self.save_plot = push_button("Save plot …", hover, self, command="on_plot:open_menu")
         bar.addWidget(self.save_plot)
         column.addLayout(bar)
         bar.addWidget(self.motion.kind)

@@ -57,21 +57,16 @@ class ViewPresenter(QObject):
             plot = self._panels.plot_in_front()
         return plot
 
-    @Slot()
-    def reset_view(self) -> None:
+    def on_plot(self, method: str) -> None:
+        """Call a method of the plot on which the keys act."""
         if (plot := self._plot()) is not None:
-            plot.reset()
+            getattr(plot, method)()
 
     def step_view(self, by: str) -> None:
         """Go back ("-1") or forward ("1") in the plot's history of views."""
         plot = self._plot()
         if plot is not None and not plot.step_view(int(by)):
             self._panels.say("No previous view" if by == "-1" else "No next view", Tone.NEUTRAL)
-
-    @Slot()
-    def toggle_cursors(self) -> None:
-        if (plot := self._plot()) is not None:
-            plot.toggle_cursors()
 
     @Slot()
     def copy_cursors(self) -> None:
@@ -85,11 +80,6 @@ class ViewPresenter(QObject):
         if (plot := self._plot()) is not None:
             QGuiApplication.clipboard().setImage(save.picture(plot))
             self._panels.say("The plot is on the clipboard as a picture", Tone.NEUTRAL)
-
-    @Slot()
-    def plot_menu(self) -> None:
-        if (plot := self._plot()) is not None:
-            plot.open_menu()
 
     @Slot(object, str)
     def _ask_and_save(self, plot: PlotView, kind: str) -> None:

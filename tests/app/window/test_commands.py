@@ -110,7 +110,14 @@ def test_commands_on_the_other_pages(window, calls):
     """The same keys on COMPARE, on LIVE, and where there is no plot."""
     parts = {}
     for page in (Layout.LIVE, Layout.COMPARE, Layout.SPECTRUM, Layout.BUDGET):
-        for name in ("show_view:contact", "toggle_cursors", "reset_view", "step_view:-1", "note_on_plot", "plot_menu"):
+        for name in (
+            "show_view:contact",
+            "on_plot:toggle_cursors",
+            "on_plot:reset",
+            "step_view:-1",
+            "note_on_plot",
+            "on_plot:open_menu",
+        ):
             _start(window)
             show(window, page, *((FIRST,) if page == Layout.SPECTRUM else (FIRST, SECOND)))
             before = _state(window)

@@ -86,7 +86,7 @@ def test_swapped_beats_are_exchanged_for_good(qtbot, tmp_path):
     store = SettingsStore(tmp_path / "settings.json")
     bench = Workbench(Session(), store.analysis)
     try:
-        presenter = MappingPresenter(bench, store, panels)
+        presenter = MappingPresenter(bench, store, panels, panels)
         session = SessionPresenter(bench, store, panels, SelectionPresenter(bench, panels, panels), panels)
         session.swap_wanted.connect(presenter.swap)
         session.open_paths([path])

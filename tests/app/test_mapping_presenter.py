@@ -34,7 +34,7 @@ def test_channels_are_asked_for_once_and_the_file_is_opened(qtbot: QtBot, tmp_pa
     opened: list[Path] = []
     workbench.open_paths = lambda paths: opened.extend(paths) or len(paths)  # type: ignore[method-assign,func-returns-value]
     try:
-        presenter = MappingPresenter(workbench, store, panels)
+        presenter = MappingPresenter(workbench, store, panels, panels)
         session = SessionPresenter(workbench, store, panels, SelectionPresenter(workbench, panels, panels), panels)
         session.mapping_wanted.connect(presenter.ask)
         sheet = panels.mapping
@@ -80,7 +80,7 @@ def test_a_displacement_is_opened_in_the_unit_of_its_header_or_the_one_chosen(
     opened: list[Path] = []
     workbench.open_paths = lambda paths: opened.extend(paths) or len(paths)  # type: ignore[method-assign,func-returns-value]
     try:
-        presenter = MappingPresenter(workbench, store, panels)
+        presenter = MappingPresenter(workbench, store, panels, panels)
         sheet = panels.mapping
         presenter.ask([path])
 

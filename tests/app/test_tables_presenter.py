@@ -20,7 +20,7 @@ def test_budget_and_paper_pages_follow_the_shot_in_front(qtbot: QtBot) -> None:
         first = workbench.session.add(shot_of())
         second = workbench.session.add(at_speed("b", 0.4, 0.97, 1e-4))
         shown = [first]
-        presenter = TablesPresenter(workbench, panels, lambda: shown[0])
+        presenter = TablesPresenter(workbench, panels, lambda: shown[0], panels)
         presenter.refresh()
         assert panels.budget.table.topLevelItemCount() == 0
         panels.tabs.setCurrentIndex(Layout.BUDGET)

@@ -144,7 +144,7 @@ class LawsPresenter(QObject):
 
     diagnose_wanted = Signal()
 
-    def __init__(self, laws: OwnLaws, panels: Layout, parent: QObject | None = None) -> None:
+    def __init__(self, laws: OwnLaws, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._laws, self._panels = laws, panels
         panels.diagnosis.law_curve.keep_wanted.connect(self._keep)

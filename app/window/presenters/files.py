@@ -24,9 +24,7 @@ class FilesPresenter(QObject):
 
     recordings_wanted = Signal(list)  # paths
 
-    def __init__(
-        self, workbench: Workbench, store: SettingsStore, panels: Layout, parent: QObject | None = None
-    ) -> None:
+    def __init__(self, workbench: Workbench, store: SettingsStore, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._store, self._panels = workbench, store, panels
         self.recent = QMenu("Open recent")
@@ -106,20 +104,18 @@ class ModelPresenter(QObject):
         store: SettingsStore,
         panels: Layout,
         front: Callable[[], Entry | None],
-        parent: QObject | None = None,
+        parent: QObject,
     ) -> None:
         super().__init__(parent)
         self._workbench, self._store, self._panels, self._front = workbench, store, panels, front
         self._shown: tuple[SavedModel | None, Fit | None, bool] = (None, None, False)
-        self._known: SavedModel | None = None
         self._dialogs = FileDialogs(panels, lambda: store.start_folder)
 
     def refresh(self) -> None:
         """Show how well the selected shot agrees with the model file in use."""
         known = self._workbench.model.loaded_model
-        if known is not self._known:
-            self._known = known
-            self._take_base()
+        if known is not self._shown[0]:
+            self._take_base(known)
         entry = self._front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
         behind = entry is not None and self._workbench.model.needs_refit(entry)
@@ -128,8 +124,8 @@ class ModelPresenter(QObject):
         self._shown = (known, fit, behind)
         self._panels.model.show_known(*_agreement(known, fit, behind))
 
-    def _take_base(self) -> None:
-        known = self._workbench.model.loaded_model
+    def _take_base(self, known: SavedModel | None) -> None:
+        """Use the base model of the model file for the next shots."""
         if known is None or known.base == self._store.settings.model:
             return
         problem = self._store.change({"model": known.base})

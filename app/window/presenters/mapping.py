@@ -29,9 +29,7 @@ from instrument.files import (
 class MappingPresenter(QObject):
     """Shows the assignment sheet for one file after another; short jobs read the files."""
 
-    def __init__(
-        self, workbench: Workbench, store: SettingsStore, panels: Layout, parent: QObject | None = None
-    ) -> None:
+    def __init__(self, workbench: Workbench, store: SettingsStore, panels: Layout, parent: QObject) -> None:
         super().__init__(parent)
         self._workbench, self._store, self._sheet = workbench, store, panels.mapping
         self._waiting: list[Path] = []

@@ -154,7 +154,7 @@ class TablesPresenter(QObject):
     """Updates the pages BUDGET and PAPER while they are visible and the selection has changed."""
 
     def __init__(
-        self, workbench: Workbench, panels: Layout, front: Callable[[], Entry | None], parent: QObject | None = None
+        self, workbench: Workbench, panels: Layout, front: Callable[[], Entry | None], parent: QObject
     ) -> None:
         super().__init__(parent)
         self._workbench, self._panels, self._front = workbench, panels, front

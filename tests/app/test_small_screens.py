@@ -254,7 +254,7 @@ def test_orange_is_what_was_computed_from_a_model_and_nothing_else(window):
         entries += panels.shot._legend.entries
     said = {words for words, look in entries if look.pen(LIGHT).color() == orange}
     assert said and all("simulated" in words or "modelled" in words for words in said), said
-    assert all(curve.opts["pen"].color() != orange for curve in panels.live.floor._criteria)
+    assert all(curve.opts["pen"].color() != orange for curve in panels.live.floor.plot.plot.sampled[:-1])
     panels.shot.set_view("whole")
 
 

@@ -55,16 +55,15 @@ class SiteFloorPanel(Themed, QWidget):
         self.plot = LogPlot("Floor vibration in third-octaves", ("velocity", "µm/s"), "frequency", FREQUENCY, self)
         self.plot.setFixedHeight(150)
         self._names: list[pg.TextItem] = []
-        self._criteria = [self.plot.add_curve(name, LineStyle("marker")) for name in CRITERIA]
-        self._curve = self.plot.add_curve("floor vibration", LineStyle("measured", width=3))
-        for name, curve in zip(CRITERIA, self._criteria, strict=True):
+        for name in CRITERIA:
             level = UM_PER_S * CRITERIA_M_PER_S[name]
-            curve.show_points(np.array([8.0, 80.0]), np.array([level, level]))
+            self.plot.add_curve(name, LineStyle("marker")).show_points(np.array([8.0, 80.0]), np.array([level, level]))
             label = pg.TextItem(name, anchor=(0.0, 0.5))
             label.setPos(np.log10(82.0), np.log10(level))
             label.setVisible(name in LABELLED)
             self.plot.plot.addItem(label)
             self._names.append(label)
+        self._curve = self.plot.add_curve("floor vibration", LineStyle("measured", width=3))
         row.addWidget(self.plot, 1)
         words = QVBoxLayout()
         self.summary, self.lines, self.advice = self._said = [

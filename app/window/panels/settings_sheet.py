@@ -7,7 +7,7 @@ from analysis.uncertainty import with_unit
 from app.session import FIELDS
 from app.window.controls.file_dialog import PathKind, ask
 from app.window.controls.theme import Tone
-from app.window.controls.widgets import Sheet, added, fill_box, horizontal, push_button, show_toned, text_label
+from app.window.controls.widgets import Sheet, added, combo_box, horizontal, push_button, show_toned, text_label
 from app.words import localised_number, typed_number, typed_numbers
 from levimass import Setting, Value
 
@@ -61,8 +61,7 @@ class SettingsSheet(Sheet):
 
     def _editor(self, field: Setting, inner: QWidget) -> QWidget:
         if field.kind == "choice":
-            box = QComboBox(inner)
-            fill_box(box, [(words, stored) for stored, words in field.choices])
+            box = combo_box(field.words, field.hover, inner, [(words, stored) for stored, words in field.choices])
             box.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
             box.setMinimumContentsLength(12)
             box.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)

@@ -14,7 +14,7 @@ from PySide6.QtGui import QColor, QPainter, QPaintEvent, QPen, QPolygonF
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from analysis.shot import Floats
-from app.window.controls.theme import Colours, Themed, Tone
+from app.window.controls.theme import Themed, Tone
 from app.window.plots.curve import Pyramid
 from app.words import number, prefix_for
 
@@ -52,10 +52,6 @@ class ResidualGrid(Themed, QWidget):
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
         self.setMinimumHeight(13 * self.fontMetrics().lineSpacing())
         self.setAccessibleName("Residuals of all shots, before and after")
-
-    def apply_colours(self, colours: Colours) -> None:
-        super().apply_colours(colours)
-        self.update()
 
     def show_cells(self, cells: Sequence[Cell]) -> None:
         self.cells, self.overlays = tuple(cells[:MOST]), ()

@@ -11,7 +11,7 @@ from app.window.panels.layout import Layout
 from tests.app import rigs, synthetic
 
 PAIRS = {  # words of a button, and the command
-    "Open …": "open_recordings", "Export …": "export_selected", "Report …": "report_selected",
+    "Open …": "open_recordings", "Export …": "export:export", "Report …": "export:report",
     "Re-analyse": "reanalyse_selected", "Remove": "remove_selected", "Undo": "undo", "Columns …": "choose_columns",
     "Set-up": "toggle_setup", "Settings": "toggle_settings", "Keys": "toggle:keys", "Budget": "show_page:BUDGET",
     "Evidence": "show_page:DIAGNOSIS", "re-arm": "toggle:controls.rearm",

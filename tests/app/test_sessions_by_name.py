@@ -14,6 +14,7 @@ from app.session.workbench import Workbench
 from app.window.main_window import open_window
 from instrument.files.recording_error import RecordingError
 from tests.app import rigs, synthetic
+from tests.app.on_screen import click_head
 
 
 @pytest.fixture
@@ -79,8 +80,8 @@ def test_the_window_reopens_as_it_was_left(qtbot, tmp_path, warm_kernels):
     window.files_presenter._fill()
     assert [action.text() for action in window.files_presenter.recent.actions()] == ["tuesday.json"]
     for ask in (
-        window.session_presenter.open_recordings, window.session_presenter.export_selected,
-        window.model_presenter.load_model, window.files_presenter.open_session,
+        window.session_presenter.open_recordings, partial(window.session_presenter.export, "export"),
+        window.session_presenter.load_model, window.files_presenter.open_session,
     ):  # fmt: skip
         ask()
         (question,) = window.findChildren(QFileDialog)
@@ -99,12 +100,21 @@ def test_the_window_reopens_as_it_was_left(qtbot, tmp_path, warm_kernels):
     window.files_presenter.open_named(named)
     window.showMaximized()
     across = window.panels.across.saveState()
+    click_head(window.panels.table.table, 2)
+    assert window.panels.table.table.horizontalHeader().isSortIndicatorShown()
     window.close()
     again = open_window(tmp_path, rigs.idle_bench, apart=False)
     qtbot.addWidget(again)
     again.show()
     assert again.isMaximized() and again.windowTitle() == "tuesday – Levimass"
     assert again.panels.table.table.columnWidth(2) == 333 and again.panels.across.saveState() == across
+    header = again.panels.table.table.horizontalHeader()
+    assert again.panels.table.model.order.column is None and not header.isSortIndicatorShown()
+    click_head(again.panels.table.table, 2)
+    click_head(again.panels.table.table, 2)
+    assert again.panels.table.model.order.falling and header.isSortIndicatorShown()
+    click_head(again.panels.table.table, 2)
+    assert again.panels.table.model.order.column is None and not header.isSortIndicatorShown()
     again.close()
     spoilt = json.loads((tmp_path / "settings.json").read_text()) | {"window": "AAAA none of it"}
     (tmp_path / "settings.json").write_text(json.dumps(spoilt))

@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 from PySide6.QtCore import QItemSelection, QItemSelectionModel, QModelIndex, QPersistentModelIndex, Qt, Signal, Slot
 from PySide6.QtWidgets import (
@@ -35,8 +34,8 @@ class _ElideRight(QStyledItemDelegate):
 
 BUTTONS = {  # action of the command -> (label, tooltip)
     "open_recordings": ("Open …", "Open recordings; or drop them on the window"),
-    "export_selected": ("Export …", "CSV of the selected shots, or of all: a motion file each, and shots.csv"),
-    "report_selected": ("Report …", "A printable HTML report on the selected shots, or on all"),
+    "export:export": ("Export …", "CSV of the selected shots, or of all: a motion file each, and shots.csv"),
+    "export:report": ("Report …", "A printable HTML report on the selected shots, or on all"),
     "reanalyse_selected": ("Re-analyse", "Analyse the selected shots again, as copies, with the present settings"),
     "remove_selected": ("Remove", "Remove the selected shots from the list; recordings stay on disk"),
     "undo": ("Undo", "Undo the last note, removal or change of the model"),
@@ -230,10 +229,6 @@ class SessionTable(QFrame):
         lines += [[str(self.model.index(row, n).data(whole)) for n in shown] for row in rows]
         return "".join("\t".join(" ".join(cell.split()) for cell in line) + "\n" for line in lines)
 
-    def with_selected(self, act: Callable[[list[int], Path], None]) -> Callable[[Path], None]:
-        """Return a function of a path that calls ``act`` with the shots selected at that time."""
-        return lambda path: act(self.numbers, path)
-
     @Slot()
     def filter_shots(self) -> None:
         self.filter.setFocus()
@@ -247,7 +242,7 @@ class SessionTable(QFrame):
 
     def _enable(self) -> None:
         some, any_selected = bool(self.model.entries), bool(self.numbers)
-        can = {"export_selected": some, "report_selected": some, "undo": self._can_undo}
+        can = {"export:export": some, "export:report": some, "undo": self._can_undo}
         can |= dict.fromkeys(("reanalyse_selected", "remove_selected"), any_selected)
         for action, on in can.items():
             self.buttons[action].setEnabled(on)

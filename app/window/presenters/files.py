@@ -1,4 +1,4 @@
-"""Open and save sessions and model files, open recent files, compare the selected shot with the model file."""
+"""Open and save sessions, open recent files, compare the selected shot with the model file in use."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QMenu
 from analysis.diagnosis import SavedModel
 from analysis.shot import Fit
 from app.session import Entry, SettingsStore, Workbench, drift_words, is_session
-from app.window.controls.file_dialog import FileDialogs, PathKind, ask
+from app.window.controls.file_dialog import PathKind, ask
 from app.window.controls.theme import Tone
 from app.window.controls.widgets import hover_text
 from app.window.panels.layout import Layout
@@ -92,11 +92,8 @@ class FilesPresenter(QObject):
             self.recordings_wanted.emit([path])
 
 
-MODELS = "Levimass model (*.toml)"
-
-
 class ModelPresenter(QObject):
-    """Connects the workbench with the commands on model files."""
+    """Shows how well the selected shot agrees with the model file in use."""
 
     def __init__(
         self,
@@ -109,10 +106,9 @@ class ModelPresenter(QObject):
         super().__init__(parent)
         self._workbench, self._store, self._panels, self._front = workbench, store, panels, front
         self._shown: tuple[SavedModel | None, Fit | None, bool] = (None, None, False)
-        self._dialogs = FileDialogs(panels, lambda: store.start_folder)
 
     def refresh(self) -> None:
-        """Show how well the selected shot agrees with the model file in use."""
+        """Update the panel; take a new model file's base model."""
         known = self._workbench.model.loaded_model
         if known is not self._shown[0]:
             self._take_base(known)
@@ -133,22 +129,6 @@ class ModelPresenter(QObject):
             f"The base model of the next shots is now {known.base}; listed shots keep theirs (Ctrl+R analyses copies)"
         )
         self._panels.say(problem or words, Tone.BAD if problem else Tone.NEUTRAL)
-
-    @Slot()
-    def save_model(self) -> None:
-        """Ask for a file and save the model of the selected shots, or of all if none is selected."""
-        then = self._panels.table.with_selected(self._workbench.exports.save_model)
-        self._dialogs.ask("Save the model", PathKind.NEW_FILE, then, "model.toml", MODELS)
-
-    @Slot()
-    def load_model(self) -> None:
-        self._dialogs.ask("Open a model", PathKind.FILE, self._workbench.model.load, kinds=MODELS)
-
-    @Slot()
-    def test_model(self) -> None:
-        """Ask for a model file and test its predictions on the selected shots, or on all if none is selected."""
-        then = self._panels.table.with_selected(self._workbench.exports.test_model)
-        self._dialogs.ask("Test a model's predictions", PathKind.FILE, then, kinds=MODELS)
 
 
 def _agreement(known: SavedModel | None, fit: Fit | None, behind: bool) -> tuple[str, Tone]:

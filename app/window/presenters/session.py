@@ -22,6 +22,16 @@ ENDINGS = (".sigmf-meta", ".sigmf-data", ".csv", ".toml", *FORMATS)
 OPENED = f"{RECORDINGS};;Other programs' files ({' '.join(f'*{ending}' for ending in FORMATS)})"
 
 
+MODELS = "Levimass model (*.toml)"
+EXPORTS = {  # method of ``Exports`` -> title of the dialog, kind of path, proposed name, filters
+    "export": ("Export CSV to", PathKind.FOLDER, "", ""),
+    "export_hdf5": ("Export HDF5 to", PathKind.FOLDER, "", ""),
+    "report": ("Save the report", PathKind.NEW_FILE, "report.html", "HTML (*.html);;PDF (*.pdf)"),
+    "save_model": ("Save the model", PathKind.NEW_FILE, "model.toml", MODELS),
+    "test_model": ("Test a model's predictions", PathKind.FILE, "", MODELS),
+}
+
+
 def is_unmapped(path: Path) -> bool:
     """Return whether this is a foreign file whose channels are not assigned yet."""
     motion = path.suffix.lower() == ".csv" and path.with_suffix(".toml").exists()
@@ -160,23 +170,18 @@ class SessionPresenter(QObject):
     def open_folder(self) -> None:
         self._dialogs.ask("Open a folder of recordings", PathKind.FOLDER, lambda folder: self.open_paths([folder]))
 
-    @Slot()
-    def export_selected(self) -> None:
-        """Ask for a folder and export the selected shots, or all if none is selected, as CSV."""
-        then = self._panels.table.with_selected(self._workbench.exports.export)
-        self._dialogs.ask("Export CSV to", PathKind.FOLDER, then)
+    def export(self, method: str) -> None:
+        """Ask for the path of one of ``EXPORTS``; the shots selected then, or all if none is, are given to it."""
+
+        def then(path: Path) -> None:
+            getattr(self._workbench.exports, method)(self._panels.table.numbers, path)
+
+        title, want, name, kinds = EXPORTS[method]
+        self._dialogs.ask(title, want, then, name, kinds)
 
     @Slot()
-    def export_hdf5(self) -> None:
-        """Ask for a folder and export the selected shots, or all if none is selected, as HDF5."""
-        then = self._panels.table.with_selected(self._workbench.exports.export_hdf5)
-        self._dialogs.ask("Export HDF5 to", PathKind.FOLDER, then)
-
-    @Slot()
-    def report_selected(self) -> None:
-        """Ask for a file and write the report on the selected shots, or on all if none is selected."""
-        then, kinds = self._panels.table.with_selected(self._workbench.exports.report), "HTML (*.html);;PDF (*.pdf)"
-        self._dialogs.ask("Save the report", PathKind.NEW_FILE, then, "report.html", kinds)
+    def load_model(self) -> None:
+        self._dialogs.ask("Open a model", PathKind.FILE, self._workbench.model.load, kinds=MODELS)
 
     @Slot()
     def print_report(self) -> None:

@@ -42,14 +42,14 @@ def test_the_newest_message_stands_before_the_number_of_others(line) -> None:
 
 def test_an_offer_is_done_or_declined_once(line) -> None:
     done: list[str] = []
-    line.offer("read them?", "Read", lambda: done.append("read"), lambda: done.append("declined"))
+    line.say("read them?", Tone.WARNING, "Read", lambda: done.append("read"), lambda: done.append("declined"))
     assert line._do.text() == line._do.accessibleName() == "Read" and line._do.isVisible()
     line._do.click()
     assert done == ["read"] and line.words == "" and not line._do.isVisible()
-    line.offer("read them?", "Read", lambda: done.append("read"), lambda: done.append("declined"))
+    line.say("read them?", Tone.WARNING, "Read", lambda: done.append("read"), lambda: done.append("declined"))
     line._close.click()
     assert done == ["read", "declined"] and line.words == ""
-    line.offer("again?", "Again", lambda: None)
+    line.say("again?", Tone.WARNING, "Again", lambda: None)
     line._close.click()
     assert line.words == ""
 

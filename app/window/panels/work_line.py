@@ -70,19 +70,18 @@ class NoticeLine(QFrame):
     def words(self) -> str:
         return self._notices[-1].words if self._notices else ""
 
-    def say(self, words: str, tone: Tone) -> None:
-        """Show a message; a repetition of the newest message is shown once."""
-        self._add(Notice(words, tone))
-
-    def offer(
-        self, words: str, label: str, do: Callable[[], object], declined: Callable[[], object] | None = None
+    def say(
+        self,
+        words: str,
+        tone: Tone,
+        label: str = "",
+        do: Callable[[], object] | None = None,
+        declined: Callable[[], object] | None = None,
     ) -> None:
-        """Show a message with a button; ``declined`` is called if the message is dismissed."""
-        self._add(Notice(words, Tone.WARNING, label, do, declined))
-
-    def _add(self, notice: Notice) -> None:
+        """Show a message, with a button if it has a ``label``; a repetition of the newest message is shown once."""
         newest = self._notices[-1] if self._notices else None
-        if newest is None or (newest.words, newest.tone) != (notice.words, notice.tone):
+        if newest is None or (newest.words, newest.tone) != (words, tone):
+            notice = Notice(words, tone, label, do, declined)
             self._notices.append(notice)
             del self._notices[:-KEPT]
             self.history.append((datetime.now(), notice))

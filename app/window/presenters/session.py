@@ -103,7 +103,7 @@ class SessionPresenter(QObject):
         elif event.kind is EventKind.UNLISTED:
             paths = list(event.paths)
             declined = partial(self._workbench.session.dismiss, [str(path) for path in paths])
-            self._panels.work.notices.offer(event.words, "Open", partial(self.open_paths, paths), declined)
+            self._panels.work.notices.say(event.words, Tone.WARNING, "Open", partial(self.open_paths, paths), declined)
         else:
             self._panels.say(event.words, Tone.BAD if event.kind is EventKind.PROBLEM else Tone.GOOD)
 
@@ -115,8 +115,8 @@ class SessionPresenter(QObject):
                 continue
             path = Path(entry.path)
             if is_foreign(path):
-                words = f"{entry.name}: PD0 and PD1 are swapped"
-                self._panels.work.notices.offer(words, "Swap them", partial(self.swap_wanted.emit, path, number))
+                words, swap = f"{entry.name}: PD0 and PD1 are swapped", partial(self.swap_wanted.emit, path, number)
+                self._panels.work.notices.say(words, Tone.WARNING, "Swap them", swap)
 
     def take(self, captured: CapturedShot, stay: bool) -> None:
         """Add a shot of the rig before its analysis, its readings, or its fit; ``stay``: do not change the page."""

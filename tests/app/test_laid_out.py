@@ -242,7 +242,8 @@ def test_a_callout_stays_inside_the_window_and_off_the_widget_that_it_points_at(
     target.setGeometry(*corner, 40, 40)
     tour = Tour(page)
     page.show()
-    tour.begin([Step(target, "Here", "Words of one line and a half about what is here, and what it is for.")])
+    tour.steps = [Step(target, "Here", "Words of one line and a half about what is here, and what it is for.")]
+    tour.open()
     assert page.rect().contains(tour.geometry())
     assert not tour.geometry().intersects(target.geometry())
 
@@ -251,8 +252,8 @@ def test_each_callout_of_the_tour_shows_all_its_words_inside_the_window(panels, 
     panels.resize(1300, 850)
     panels.show()
     tour = panels.tour
-    HelpPresenter(SettingsStore(tmp_path / "settings.json"), panels, tmp_path, panels).start()
-    for _ in tour._steps:
+    HelpPresenter(SettingsStore(tmp_path / "settings.json"), panels, tmp_path, panels).tour.open()
+    for _ in tour.steps:
         QCoreApplication.processEvents()
         words = tour._words
         assert words.height() >= words.heightForWidth(words.width()) > 0, words.text()

@@ -88,7 +88,7 @@ COMMANDS: tuple[Command, ...] = (
         "Model", "Test a model's predictions on the selected shots, or on all …", "export:test_model", ("Ctrl+Shift+T",)
     ),
     Command("Help", "Keys", "toggle:keys", ("F1",)),
-    Command("Help", "The short tour", "toggle_tour", ("F4",)),
+    Command("Help", "The short tour", "toggle:tour", ("F4",)),
     Command("Help", "Tutorial and manual", "show_manual"),
     Command("Help", "Messages of this run", "toggle:messages", ("F6",)),
     Command("Help", "Log folder", "show_log", (), True),

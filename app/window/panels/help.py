@@ -144,8 +144,8 @@ class Tour(Sheet):
     ended = Signal()
 
     def __init__(self, parent: QWidget | None = None) -> None:
-        self._steps: tuple[Step, ...] = ()
-        self._place = 0
+        self.steps: Sequence[Step] = ()
+        self._place = -1  # index of the step shown; -1: none
         self._ring = QFrame(parent)
         super().__init__("Short tour", parent)  # hides the sheet, and so the ring, which must exist before
         self.setObjectName("tour")
@@ -162,9 +162,9 @@ class Tour(Sheet):
         add_row(column, self._count, skip, self.onward)
         self.setFixedWidth(self.fontMetrics().horizontalAdvance("M") * 32)
 
-    def begin(self, steps: Sequence[Step]) -> None:
+    def open(self) -> None:
         """Show the first callout; Enter shows the next, Esc ends the tour, all other keys work as usual."""
-        self._steps, self._place = tuple(steps), 0
+        self._place = 0
         self.open_at(self.onward)
         self._show()
 
@@ -172,7 +172,7 @@ class Tour(Sheet):
     def next(self) -> None:
         """Show the next callout, or end the tour after the last."""
         self._place += 1
-        if self._place >= len(self._steps):
+        if self._place >= len(self.steps):
             self.close()
         else:
             self._show()
@@ -181,25 +181,25 @@ class Tour(Sheet):
         """Hide the ring too, and emit ``ended`` once."""
         super().hideEvent(event)
         self._ring.hide()
-        if self._steps and not event.spontaneous():
-            self._steps = ()
+        if self._place >= 0 and not event.spontaneous():
+            self._place = -1
             self.ended.emit()
 
     def _show(self) -> None:
-        step = self._steps[self._place]
+        step = self.steps[self._place]
         self.title.setText(step.title)
         self._words.setText(step.words)
-        self._count.setText(f"{self._place + 1} of {len(self._steps)}")
-        self.onward.setText("Done" if self._place + 1 == len(self._steps) else "Next")
+        self._count.setText(f"{self._place + 1} of {len(self.steps)}")
+        self.onward.setText("Done" if self._place + 1 == len(self.steps) else "Next")
         self._ring.show()
         self.place()
 
     def place(self) -> None:
         """Place the callout below or above its widget, inside the window."""
         parent = self.parentWidget()
-        if parent is None or not self._steps:
+        if parent is None or self._place < 0:
             return
-        target = self._steps[self._place].target
+        target = self.steps[self._place].target
         around = QRect(target.mapTo(parent, QPoint(0, 0)), target.size()).adjusted(-4, -4, 4, 4)
         self._ring.setGeometry(around.intersected(parent.rect()))
         self._ring.raise_()

@@ -108,62 +108,55 @@ class ViewPresenter(QObject):
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 
 
+def _steps(p: Layout) -> tuple[Step, ...]:
+    """Return the callouts of the tour."""
+    return (
+        Step(
+            p.controls.arm,
+            "Press ARM",
+            "Nothing needs to be plugged in: the simulated bench pushes its block by itself. Press ARM (space) "
+            "and the next push becomes a shot. You can do it now; the tour stays.",
+        ),
+        Step(
+            p.banner,
+            "The state, and what to do",
+            "One word, readable from afar: READY, ARMED, CAPTURED, ANALYSING, FAULT. Beside it: what to do.",
+        ),
+        Step(
+            p.numbers,
+            "The numbers of the shot",
+            "Each with its standard uncertainty; hover to read how it was found, press Budget (B) for where "
+            "the uncertainty comes from.",
+        ),
+        Step(
+            p.table,
+            "The session",
+            "Every shot taken or opened. Select several to compare (Ctrl+3) or to diagnose (D): it says what "
+            "the model lacks.",
+        ),
+        Step(
+            p.work,
+            "Your own rig",
+            "Set-up (F3) finds a digitizer and checks its signals; Settings (F2) takes mass, air and "
+            "wavelength; F1 shows every key.",
+        ),
+    )
+
+
 class HelpPresenter(QObject):
-    """Starts the tour and stores that it was seen; opens manual and log folder with the system's programs."""
+    """Describes the tour and stores that it was seen; opens manual and log folder with the system's programs."""
 
     def __init__(self, store: SettingsStore, panels: Layout, log_folder: Path, parent: QObject) -> None:
         super().__init__(parent)
         self._store, self._panels, self._log_folder = store, panels, log_folder
         self.tour = panels.tour
+        self.tour.steps = _steps(panels)
         self.tour.ended.connect(self._ended)
 
     def start_once(self) -> None:
         """Start the tour unless it was seen before."""
         if not self._store.settings.tour_done:
-            self.start()
-
-    @Slot()
-    def toggle_tour(self) -> None:
-        if self.tour.isVisible():
-            self.tour.close()
-        else:
-            self.start()
-
-    def start(self) -> None:
-        p = self._panels
-        self.tour.begin(
-            (
-                Step(
-                    p.controls.arm,
-                    "Press ARM",
-                    "Nothing needs to be plugged in: the simulated bench pushes its block by itself. Press ARM (space) "
-                    "and the next push becomes a shot. You can do it now; the tour stays.",
-                ),
-                Step(
-                    p.banner,
-                    "The state, and what to do",
-                    "One word, readable from afar: READY, ARMED, CAPTURED, ANALYSING, FAULT. Beside it: what to do.",
-                ),
-                Step(
-                    p.numbers,
-                    "The numbers of the shot",
-                    "Each with its standard uncertainty; hover to read how it was found, press Budget (B) for where "
-                    "the uncertainty comes from.",
-                ),
-                Step(
-                    p.table,
-                    "The session",
-                    "Every shot taken or opened. Select several to compare (Ctrl+3) or to diagnose (D): it says what "
-                    "the model lacks.",
-                ),
-                Step(
-                    p.work,
-                    "Your own rig",
-                    "Set-up (F3) finds a digitizer and checks its signals; Settings (F2) takes mass, air and "
-                    "wavelength; F1 shows every key.",
-                ),
-            )
-        )
+            self.tour.open()
 
     @Slot()
     def _ended(self) -> None:

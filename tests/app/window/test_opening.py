@@ -138,11 +138,11 @@ def test_the_tour_starts_by_itself_the_first_time_alone(opened, tmp_path):
     window.show()
     window.help_presenter.start_once()
     assert window.panels.tour.isVisible()
-    window.help_presenter.toggle_tour()
+    window.panels.tour.toggle()
     assert not window.panels.tour.isVisible() and window._store.settings.tour_done
     window.help_presenter.start_once()
     assert not window.panels.tour.isVisible()
-    window.help_presenter.toggle_tour()
+    window.panels.tour.toggle()
     assert window.panels.tour.isVisible() and window.panels.tour.title.text() == "Press ARM"
     window.panels.tour.close()
     QTest.qWait(1)

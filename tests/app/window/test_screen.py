@@ -529,7 +529,7 @@ def test_settings_set_up_help_and_the_other_sheets(window, tmp_path):
     window.panels.keys.toggle()
     parts["keys"] = shown.in_rows(panels.keys._scroll.widget())
     window.panels.keys.toggle()
-    window.help_presenter.start()
+    window.panels.tour.open()
     for step in range(5):
         parts[f"tour {step + 1}"] = of(panels.tour)
         panels.tour.next()
@@ -545,7 +545,7 @@ def test_messages(window):
     for words, tone in (("saved", Tone.GOOD), ("disk full", Tone.BAD), ("disk full", Tone.BAD)):
         window.panels.say(words, tone)
     parts["two"] = of(notices)
-    notices.offer("2 recordings are in no session", "Open", lambda: None)
+    notices.say("2 recordings are in no session", Tone.WARNING, "Open", lambda: None)
     parts["an offer"] = of(notices)
     window.panels.messages.toggle()
     listed = of(panels.messages)

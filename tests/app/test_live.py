@@ -168,6 +168,6 @@ def test_before_the_block_has_rested_the_criteria_stand_where_they_belong(panel)
     (left, right), (low, high) = panel.floor.plot.plot.view.viewRange()
     assert 10**left == pytest.approx(4.0, rel=0.2) and 10**right == pytest.approx(400.0, rel=0.2)
     assert 0.3 < 10**low < 0.78 and 50 < 10**high < 150  # VC-G to VC-A in µm/s
-    for name, curve in zip(CRITERIA, panel.floor._criteria, strict=True):
+    for name, curve in zip(CRITERIA, panel.floor.plot.plot.sampled[:-1], strict=True):
         x, y = curve.getData()
         assert 10**x == pytest.approx([8.0, 80.0]) and 10**y == pytest.approx(2 * [1e6 * CRITERIA_M_PER_S[name]])

@@ -1,8 +1,8 @@
+from .budget_sources import BudgetRow
 from .gum_budget import (
     COLUMNS,
     COVERAGE_FACTOR,
     Budget,
-    BudgetRow,
     QuantityBudget,
     budget,
     budget_result,

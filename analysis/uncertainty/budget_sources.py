@@ -5,7 +5,7 @@ The instrument's uncertainties cannot be seen in a shot; its owner states them, 
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from uncertainties import ufloat
@@ -88,22 +88,36 @@ class InstrumentUncertainty:
 
 
 @dataclass(frozen=True, slots=True)
-class UncertaintySource:
-    name: str
-    kind: str
+class BudgetRow:
+    """One source of a result's uncertainty: standard uncertainty u(x), sensitivity dy/dx, and their product.
+
+    ``std`` None: these data do not show the size of the source; it is listed but counts as 0.
+    """
+
+    source: str
+    kind: str  # "A": evaluated from this measurement's own repeated values; "B": from other information
+    std: float | None
     unit: str
+    sensitivity: float
     how: str
+
+    @property
+    def contribution(self) -> float:
+        """Get |dy/dx| u(x) in the unit of the result."""
+        return abs(self.sensitivity) * (self.std or 0.0)
 
 
 class ShotSources:
     """The uncertainty variables of one shot, each made once, so that results sharing a variable are correlated.
 
-    A scale is the ratio of the true value to the value used in the analysis: 1 with an uncertainty.
+    A scale is the ratio of the true value to the value used in the analysis: 1 with an uncertainty.  ``results`` are
+    the numbers computed so far, by key.
     """
 
     def __init__(self, shot: Shot, instrument: InstrumentUncertainty) -> None:
-        self._sources: dict[Any, UncertaintySource] = {}  # variable -> source
-        self._shot = shot
+        self.shot = shot
+        self.results: dict[str, Number] = {}
+        self._rows: dict[Any, BudgetRow] = {}  # variable -> its row, with a sensitivity of 1
         self._instrument = instrument
         self._rate_error = shot.motion.rate_error if shot.motion is not None else 0.0
         self.timebase = self._timebase()
@@ -122,11 +136,14 @@ class ShotSources:
         if not std > 0.0 or not math.isfinite(std):
             return value
         variable = ufloat(value, std)
-        self._sources[variable] = UncertaintySource(name, kind, unit, how)
+        self._rows[variable] = BudgetRow(name, kind, std, unit, 1.0, how)
         return variable
 
-    def source(self, variable: Any) -> UncertaintySource:
-        return self._sources[variable]
+    def row(self, variable: Any, slope: float, size: float) -> BudgetRow:
+        """Return the row of a variable by which a result of this ``size`` has the derivative ``slope``."""
+        row = replace(self._rows[variable], sensitivity=slope)
+        cancels = row.contribution < 1e-15 * size  # up to rounding
+        return replace(row, sensitivity=0.0) if cancels else row
 
     def with_type_a(
         self, reading: Reading | None, name: str, unit: str, *, without_mass: bool = False
@@ -139,7 +156,7 @@ class ShotSources:
         if not isinstance(reading, Quantity) or not (math.isfinite(reading.value) and math.isfinite(reading.std)):
             return None
         std = reading.std
-        motion = self._shot.motion
+        motion = self.shot.motion
         if without_mass and motion is not None:
             carried = reading.value * motion.moving_mass_u_kg / motion.moving_mass_kg
             std = math.sqrt(max(0.0, std**2 - carried**2))
@@ -158,7 +175,7 @@ class ShotSources:
 
     def band_scale(self, contact_time: Reading) -> Number:
         """Return the scale of the pulse's height, uncertain by the band limit's largest loss, (1 / (2 T B))^2."""
-        motion = self._shot.motion
+        motion = self.shot.motion
         if motion is None or not isinstance(contact_time, Quantity) or not contact_time.value > 0.0:
             return 1.0
         lost = (0.5 / contact_time.value / motion.bandwidth_hz) ** 2
@@ -187,7 +204,7 @@ class ShotSources:
         return self.number(1.0, std, "timebase", "B", "1", how)
 
     def _mass(self) -> tuple[Number, float]:
-        setup, motion = self._shot.setup, self._shot.motion
+        setup, motion = self.shot.setup, self.shot.motion
         value = motion.moving_mass_kg if motion is not None else setup.moving_mass_kg if setup is not None else 1.0
         stated = max(motion.moving_mass_u_kg if motion else 0.0, setup.moving_mass_u_kg if setup else 0.0)
         if stated > 0.0:
@@ -196,7 +213,7 @@ class ShotSources:
         return self.number(value, self._instrument.mass_u_kg, "mass", "B", "kg", how), value
 
     def _length(self) -> Number:
-        setup, motion = self._shot.setup, self._shot.motion
+        setup, motion = self.shot.setup, self.shot.motion
         if setup is None or (motion is not None and motion.wavelength_m is None):
             return 1.0  # a motion record, whose length scale is the other instrument's
         alignment = self.number(
@@ -245,12 +262,12 @@ class ShotSources:
 
     def _rest(self) -> Number:
         """Return the error in m/s of every velocity from an error of the rest frequency, as a variable around 0."""
-        motion = self._shot.motion
+        motion = self.shot.motion
         if motion is None or motion.wavelength_m is None:
             return 0.0
         rest = motion.rest_frequency_hz
         if motion.reference is None:
-            own = self._shot.setup.rest_frequency_u_hz if self._shot.setup is not None else None
+            own = self.shot.setup.rest_frequency_u_hz if self.shot.setup is not None else None
             moved = self._rate_error * rest.value if isinstance(rest, Quantity) else 0.0
             std, kind = math.hypot(own or self._instrument.rest_frequency_u_hz, moved), "B"
             how = "given, not recorded with the shot"

@@ -9,9 +9,8 @@ import numpy as np
 from uncertainties.core import AffineScalarFunc
 
 from analysis.shot import Quantity, Reading, Shot
-from analysis.uncertainty.budget_sources import InstrumentUncertainty, ShotSources
-from analysis.uncertainty.measurement_equations import EquationInputs
-from analysis.uncertainty.numbers import ResultNumber, numbers_with_equation
+from analysis.uncertainty.budget_sources import BudgetRow, InstrumentUncertainty, ShotSources
+from analysis.uncertainty.numbers import NUMBERS, ResultNumber
 from analysis.uncertainty.series_statistics import MIN_SPEED_RANGE, excess_spread, speed
 
 COVERAGE_FACTOR = 2.0
@@ -30,26 +29,6 @@ COLUMNS = (
     "contribution",
     "how",
 )
-
-
-@dataclass(frozen=True, slots=True)
-class BudgetRow:
-    """One source of a result's uncertainty: standard uncertainty u(x), sensitivity dy/dx, and their product.
-
-    ``std`` None: these data do not show the size of the source; it is listed but counts as 0.
-    """
-
-    source: str
-    kind: str  # "A": evaluated from this measurement's own repeated values; "B": from other information
-    std: float | None
-    unit: str
-    sensitivity: float
-    how: str
-
-    @property
-    def contribution(self) -> float:
-        """Get |dy/dx| u(x) in the unit of the result."""
-        return abs(self.sensitivity) * (self.std or 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,16 +80,16 @@ def budget(shot: Shot, instrument: InstrumentUncertainty | None = None, others: 
     two readings (wavelength, timebase, mass) cancels from their ratio.
     """
     sources = ShotSources(shot, instrument or InstrumentUncertainty())
-    inputs, tables = EquationInputs(shot, sources), []
-    for result, equation in numbers_with_equation():
-        number = equation(inputs, result.find(shot), result.unit)
+    tables = []
+    for result in NUMBERS:
+        number = None if result.equation is None else result.equation(sources, result.find(shot), result.unit)
         if number is None:
             continue
-        inputs.results[result.key] = number
+        sources.results[result.key] = number
         if not isinstance(number, AffineScalarFunc) or not math.isfinite(number.nominal_value):
             continue
         size = abs(number.nominal_value)
-        rows = [_row(sources, variable, slope, size) for variable, slope in number.derivatives.items()]
+        rows = [sources.row(variable, float(slope), size) for variable, slope in number.derivatives.items()]
         if result.repeats:
             rows.append(_repeatability(result, shot, others))
         rows.sort(key=lambda row: -row.contribution)
@@ -166,13 +145,6 @@ def budget_rows(result: Budget) -> list[list[str]]:
         ):
             rows.append([*head, words, kind, "", "", "", repr(value), ""])
     return rows
-
-
-def _row(sources: ShotSources, variable: Any, slope: float, size: float) -> BudgetRow:
-    source, std = sources.source(variable), float(variable.std_dev)
-    if abs(slope) * std < 1e-15 * size:  # rounding left by a source that cancels
-        slope = 0.0
-    return BudgetRow(source.name, source.kind, std, source.unit, float(slope), source.how)
 
 
 def _repeatability(of: ResultNumber, shot: Shot, others: Sequence[Shot]) -> BudgetRow:

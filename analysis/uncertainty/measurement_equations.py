@@ -1,31 +1,20 @@
 """The measurement equations of a shot's numbers, as functions of the budget's variables."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from operator import attrgetter
 
 import numpy as np
 
 from analysis.reading import SLOPE_SPAN
-from analysis.shot import Impact, Number, Quantity, Reading, Shot, compliance_of, corrected_slope
+from analysis.shot import Impact, Number, Quantity, Reading, compliance_of, corrected_slope
 from analysis.uncertainty.budget_sources import ShotSources
 
 FIT_NOISE = "beat noise, through the fit"
 Instants = tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class EquationInputs:
-    """A shot, its sources, and the ``results`` computed so far by key; numbers derived from these stay correlated."""
-
-    shot: Shot
-    sources: ShotSources
-    results: dict[str, Number] = field(default_factory=dict)
-
-
-Equation = Callable[[EquationInputs, Reading, str], Number | None]  # (inputs, own reading, unit); None: not read
+Equation = Callable[[ShotSources, Reading, str], Number | None]  # (sources, own reading, unit); None: not read
 Scale = Callable[[ShotSources], Number]
-
 
 clock: Scale = attrgetter("timebase")  # scales a time
 length: Scale = attrgetter("length_scale")  # a displacement
@@ -48,11 +37,11 @@ def scaled(noise: str, scale: Scale | None = None, *, length_cancels: bool = Fal
     ``length_cancels`` lists the sources of length in the budget with zero sensitivity.
     """
 
-    def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-        seen = inputs.sources.with_type_a(reading, noise, unit)
+    def equation(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
+        seen = sources.with_type_a(reading, noise, unit)
         if seen is None or scale is None:
             return seen
-        number, extent = seen * scale(inputs.sources), length(inputs.sources)
+        number, extent = seen * scale(sources), length(sources)
         return number * extent / extent if length_cancels else number
 
     return equation
@@ -61,18 +50,16 @@ def scaled(noise: str, scale: Scale | None = None, *, length_cancels: bool = Fal
 def velocity(noise: str) -> Equation:
     """Return v = lambda_air f_D / 2 / cos a (Eq. 1); an error of the rest frequency shifts both flights equally."""
 
-    def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-        sources = inputs.sources
+    def equation(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
         seen = sources.with_type_a(reading, noise, unit)
         return None if seen is None else (seen + sources.rest_velocity_m_per_s) * sources.velocity_scale
 
     return equation
 
 
-def deflection(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+def deflection(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
     """Return the distance from touch to turnaround; an error of the rest frequency adds a velocity for that time."""
-    impact, sources = inputs.shot.impact, inputs.sources
-    seen = sources.with_type_a(reading, "beat noise, deflection", unit)
+    impact, seen = sources.shot.impact, sources.with_type_a(reading, "beat noise, deflection", unit)
     if seen is None or impact is None:
         return None
     touch, turn = impact.touch_time_s, impact.turnaround_time_s
@@ -80,9 +67,9 @@ def deflection(inputs: EquationInputs, reading: Reading, unit: str) -> Number | 
     return (seen - lasts_s * sources.rest_velocity_m_per_s) * sources.length_scale
 
 
-def slope_of_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+def slope_of_force(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
     """Return the slope dF/dy, a stiffness; an error of the rest frequency shears the deflection of its line fit."""
-    impact, sources = inputs.shot.impact, inputs.sources
+    impact = sources.shot.impact
     seen = sources.with_type_a(reading, "beat noise, slope", unit, without_mass=True)
     if seen is None or impact is None:
         return None
@@ -104,19 +91,16 @@ def _slope_error_per_velocity(impact: Impact) -> float:
     return float(centred @ (lasts.value * at) / (centred @ centred))
 
 
-def ratio_of_velocities(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+def ratio_of_velocities(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
     """Return the quasi-static COR -v_out / v_in; common sources cancel."""
-    into, out = (inputs.results.get(f"velocity_{which}_m_per_s") for which in ("in", "out"))
+    into, out = (sources.results.get(f"velocity_{which}_m_per_s") for which in ("in", "out"))
     return None if into is None or out is None else -out / into
 
 
-def ratio_of_impulses(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+def ratio_of_impulses(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
     """Return the ratio of two impulses, each m_b times a difference of velocities; their scales cancel."""
-    sources = inputs.sources
-    impulse, one = (
-        sources.with_type_a(reading, "beat noise, impulses", unit),
-        sources.mass_scale * sources.velocity_scale,
-    )
+    impulse = sources.with_type_a(reading, "beat noise, impulses", unit)
+    one = sources.mass_scale * sources.velocity_scale
     return None if impulse is None else impulse * one / one
 
 
@@ -137,8 +121,8 @@ def first_flights(impact: Impact) -> tuple[Instants, Instants]:
 def ratio_of_times(instants: Callable[[Impact], tuple[Instants, Instants]]) -> Equation:
     """Return T2 / T1, with both ends of each from ``instants``; the reading's noise is shared equally by the two."""
 
-    def equation(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
-        impact, sources = inputs.shot.impact, inputs.sources
+    def equation(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
+        impact = sources.shot.impact
         first, second = instants(impact) if impact is not None else ((), ())
         if not isinstance(reading, Quantity) or len(first) != 2 or len(second) != 2:
             return None
@@ -149,9 +133,9 @@ def ratio_of_times(instants: Callable[[Impact], tuple[Instants, Instants]]) -> E
     return equation
 
 
-def peak_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+def peak_force(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
     """Return the peak force m_b a; the acceleration scales with length / time^2."""
-    impact, sources = inputs.shot.impact, inputs.sources
+    impact = sources.shot.impact
     peak = sources.with_type_a(reading, "beat noise, force", unit, without_mass=True)
     if peak is None or impact is None:
         return None
@@ -159,12 +143,12 @@ def peak_force(inputs: EquationInputs, reading: Reading, unit: str) -> Number | 
     return peak * scale * sources.band_scale(impact.contact_time_s)
 
 
-def stiffness_from_slope(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+def stiffness_from_slope(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
     """Return k_p from the slope of force against deflection, corrected for the plate's mass and the contact.
 
     The fit's m_p* and k_N also scale with the block's mass, so their ratios to it are independent of the mass.
     """
-    slope, fit, sources = inputs.results.get("stiffness_slope_n_per_m"), inputs.shot.fit, inputs.sources
+    slope, fit = sources.results.get("stiffness_slope_n_per_m"), sources.shot.fit
     if slope is None or fit is None or not fit.converged:
         return None
     plate = sources.with_type_a(fit.parameters.get("plate_mass_kg"), "m_p* of the fit", "kg")
@@ -174,9 +158,9 @@ def stiffness_from_slope(inputs: EquationInputs, reading: Reading, unit: str) ->
     return corrected_slope(slope, plate * sources.mass_scale, contact * stiffness(sources), sources.mass_kg)
 
 
-def youngs_modulus(inputs: EquationInputs, reading: Reading, unit: str) -> Number | None:
+def youngs_modulus(sources: ShotSources, reading: Reading, unit: str) -> Number | None:
     """Return Young's modulus of a plate with stated geometry, from the fitted k_p."""
-    fitted, setup = inputs.results.get("plate_stiffness_n_per_m"), inputs.shot.setup
+    fitted, setup = sources.results.get("plate_stiffness_n_per_m"), sources.shot.setup
     if fitted is None or setup is None or setup.plate is None:
         return None
-    return fitted * compliance_of(inputs.sources.plate(setup.plate))
+    return fitted * compliance_of(sources.plate(setup.plate))

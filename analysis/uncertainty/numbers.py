@@ -232,11 +232,6 @@ def collision_numbers(*origins: Origin) -> list[ResultNumber]:
     return [number for number in NUMBERS if number.origin in origins and number.group is not Group.DRIVE]
 
 
-def numbers_with_equation() -> list[tuple[ResultNumber, Equation]]:
-    """Return the numbers with an uncertainty budget, each with its measurement equation."""
-    return [(number, number.equation) for number in NUMBERS if number.equation is not None]
-
-
 def series_numbers() -> list[ResultNumber]:
     return [number for number in collision_numbers(Origin.READ, Origin.FITTED) if number.in_series]
 

@@ -9,7 +9,7 @@ from analysis.shot.air import STANDARD_AIR, Air, refractive_index
 from analysis.shot.motion import BeatQuality
 from analysis.shot.quantity import NotSeen, Quantity
 from analysis.shot.recording import Setup
-from analysis.uncertainty.budget_sources import InstrumentUncertainty, ShotSources, _last_digit
+from analysis.uncertainty.budget_sources import BudgetRow, InstrumentUncertainty, ShotSources, _last_digit
 from tests.analysis.shots import shot_of
 from tests.analysis.synthetic_collision import Synthetic, motion_of
 
@@ -20,11 +20,8 @@ LASER = Setup(moving_mass_kg=17.85e-3, moving_mass_u_kg=2e-6, wavelength_vacuum_
 def _parts(number: object, sources: ShotSources) -> dict[str, tuple[str, float]]:
     """Return the type and the contribution of each source of a number, by name."""
     return {
-        sources.source(variable).name: (
-            sources.source(variable).kind,
-            abs(slope) * variable.std_dev,
-        )
-        for variable, slope in number.derivatives.items()  # type: ignore[attr-defined]
+        row.source: (row.kind, row.contribution)
+        for row in (sources.row(*one, 0.0) for one in number.derivatives.items())  # type: ignore[attr-defined]
     }
 
 
@@ -50,8 +47,8 @@ def test_what_has_no_uncertainty_is_a_plain_number() -> None:
         assert table.number(2.0, std, "x", "A", "m", "") == 2.0
     variable = table.number(2.0, 0.5, "x", "A", "m", "how")
     assert (variable.nominal_value, variable.std_dev) == (2.0, 0.5)  # type: ignore[union-attr]
-    of = table.source(variable)
-    assert (of.name, of.kind, of.unit, of.how) == ("x", "A", "m", "how")
+    assert table.row(variable, 3.0, 1.0) == BudgetRow("x", "A", 0.5, "m", 3.0, "how")
+    assert table.row(variable, 3e-16, 1.0).sensitivity == 0.0  # what is left by rounding
 
 
 def test_a_contradicted_rate_is_the_clock_s_uncertainty_and_is_taken_from_each_reading() -> None:

@@ -322,13 +322,13 @@ def test_each_source_has_the_unit_of_its_own_kind() -> None:
     assert {source: units[source] for source in expected} == {source: {unit} for source, unit in expected.items()}
     table = ShotSources(shot_of(setup=SETUP), known)
     made = table.plate(plate)
-    sources = {name: table.source(number) for name, number in made.items() if name != "youngs_modulus_pa"}
-    assert {name: source.unit for name, source in sources.items()} == {
+    rows = {name: table.row(number, 1.0, 0.0) for name, number in made.items()}
+    modulus = rows.pop("youngs_modulus_pa")
+    assert modulus.unit == "Pa" and modulus.std == pytest.approx(0.02 * 131e9)
+    assert {name: row.unit for name, row in rows.items()} == {
         "arm_length_m": "m", "arm_width_m": "m", "thickness_m": "m", "disc_diameter_m": "m", "density_kg_m3": "kg/m3",
         "beam_theory": "1",
     }  # fmt: skip
-    modulus: Any = made["youngs_modulus_pa"]
-    assert table.source(modulus).unit == "Pa" and modulus.std_dev == pytest.approx(0.02 * 131e9)
     assert made["arm_width_m"].nominal_value == 2e-3  # type: ignore[union-attr]
 
 

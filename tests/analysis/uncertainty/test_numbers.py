@@ -15,7 +15,6 @@ from analysis.uncertainty.numbers import (
     ResultNumber,
     collision_numbers,
     number_with_key,
-    numbers_with_equation,
     read_number,
     series_numbers,
     shown_numbers,
@@ -74,7 +73,7 @@ def test_files_series_and_budgets_take_the_numbers_of_their_kind() -> None:
     assert among(collision_numbers(Origin.DERIVED)) == keys[17:19]
     assert among(collision_numbers(Origin.STATED)) == keys[22:]  # a drive's are none of a collision
     assert among(series_numbers()) == [*keys[2:12], *keys[12:17]]
-    assert among(n for n, equation in numbers_with_equation() if callable(equation)) == keys[:19]
+    assert among(n for n in NUMBERS if callable(n.equation)) == keys[:19]
     assert among(shown_numbers(Group.PLATE)) == keys[12:17]
     assert among(shown_numbers(Group.DRIVE)) == keys[19:22]
     assert number_with_key("offset_n").group is Group.DRIVE

@@ -34,7 +34,6 @@ EDGE_REACH = 0.4  # fraction of the contact time, from its edge, in which the fo
 FLOOR_SIGNIFICANT_M = 1e-9  # rms of floor motion above which it hides the end of a contact and moves the plate
 FLOOR_TIMES = 1.4  # ratio of a std to that of white noise alone at which half of the variance is the floor's
 VIBRATION_TOLERANCE = 4e-6  # fraction of a velocity above which vibration matters; a quiet table is below it
-AGREEMENT_SIGMAS = 3.0  # quasi-static COR and impulse ratio must agree within this
 
 
 class NoImpact(Exception):
@@ -87,8 +86,6 @@ def _read(motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None
     flags = _flags(span, flights, motion)
     if _disturbed(bounces):
         flags.append("bounces_disturbed")
-    if not _agree(quasi_static, impulse):
-        flags.append("impulse_disagrees")
     impact = Impact(
         touch_time_s=Quantity(touch.time_s, touch.std_s, "where the displacement leaves the incoming flight"),
         release_time_s=Quantity(
@@ -268,12 +265,6 @@ def _ratio(out: Quantity, into: Quantity, covariance: float, how: str) -> Quanti
     square = (out.std / out.value) ** 2 + (into.std / into.value) ** 2
     square -= 2.0 * covariance / (out.value * into.value)
     return Quantity(value, value * float(np.sqrt(max(square, 0.0))), how)
-
-
-def _agree(one: Quantity, other: Reading) -> bool:
-    if not isinstance(other, Quantity):
-        return True
-    return abs(one.value - other.value) <= AGREEMENT_SIGMAS * float(np.hypot(one.std, other.std))
 
 
 def _disturbed(bounces: Bounces) -> bool:

@@ -11,10 +11,11 @@ import numpy as np
 
 from analysis.shot.fit import Fit
 from analysis.shot.impact import Impact
-from analysis.shot.quantity import Quantity
+from analysis.shot.quantity import Quantity, Reading
 from analysis.shot.sample_rate_error import RATE_CONTRADICTED
 
 RESTITUTION_SIGMAS = 2.0
+AGREEMENT_SIGMAS = 3.0  # between quasi-static COR and impulse ratio
 MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
 NOT_CONVERGED, FIT_DISAGREES, CHI2_FAR_FROM_ONE = "fit_not_converged", "fit_disagrees", "chi2_far_from_one"
@@ -64,12 +65,14 @@ def flags_affecting(name: str, flags: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def reading_flags(impact: Impact, momentum: tuple[Quantity, Quantity] | None) -> tuple[str, ...]:
-    """Return the flags of impossible readings.
+    """Return the flags of impossible readings, and of readings that contradict one another.
 
     ``momentum`` is (impulse of the whole force pulse, m (v_out - v_in)) in N s; None if either was not read.
     """
     flags = []
     ratio = impact.cor_quasi_static
+    if _sigmas_apart(ratio, impact.cor_impulse) > AGREEMENT_SIGMAS:
+        flags.append("impulse_disagrees")
     if isinstance(ratio, Quantity) and ratio.value - RESTITUTION_SIGMAS * ratio.std > 1.0:
         flags.append("restitution_above_one")
     if momentum is not None and _sigmas_apart(*momentum) > MOMENTUM_SIGMAS:
@@ -93,14 +96,16 @@ def fit_flags(impact: Impact, fit: Fit) -> tuple[str, ...]:
         (impact.velocity_in_m_per_s, own.velocity_in_m_per_s),
         (impact.velocity_out_m_per_s, own.velocity_out_m_per_s),
     )
-    if any(isinstance(read, Quantity) and _sigmas_apart(read, fitted) > FIT_SIGMAS for read, fitted in pairs):
+    if any(_sigmas_apart(read, fitted) > FIT_SIGMAS for read, fitted in pairs):
         flags.append(FIT_DISAGREES)
     if np.isfinite(fit.reduced_chi2) and not 1.0 / CHI2_FAR <= fit.reduced_chi2 <= CHI2_FAR:
         flags.append(CHI2_FAR_FROM_ONE)
     return tuple(flags)
 
 
-def _sigmas_apart(one: Quantity, other: Quantity) -> float:
-    """Return the difference of two quantities in combined standard uncertainties; 0 if these are unknown or zero."""
+def _sigmas_apart(one: Reading, other: Reading) -> float:
+    """Return the difference of two readings in combined standard uncertainties; 0 if these are unknown or zero."""
+    if not (isinstance(one, Quantity) and isinstance(other, Quantity)):
+        return 0.0
     spread = float(np.hypot(one.std, other.std))
     return abs(one.value - other.value) / spread if np.isfinite(spread) and spread > 0.0 else 0.0

@@ -14,7 +14,7 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from analysis.reading import pulse
-from analysis.reading.read import _agree, _between_flights, _ratio, _shares, read_impact
+from analysis.reading.read import _between_flights, _ratio, _shares, read_impact
 from analysis.shot.impact import Impact
 from analysis.shot.quantity import NotSeen, Quantity
 from tests.analysis.disturbance import Disturbance, disturbed_motion
@@ -104,13 +104,6 @@ def test_a_ratio_knows_what_both_velocities_share(shared: float) -> None:
     drawn = np.random.default_rng(2).multivariate_normal([-0.265, 0.2617], spread, 20_000)
     ratio = _ratio(Quantity(0.2617, out_std), Quantity(-0.265, into_std), covariance, "")
     assert ratio.std == pytest.approx(float(np.std(np.abs(drawn[:, 1] / drawn[:, 0]))), rel=0.03)
-
-
-@pytest.mark.parametrize(("apart", "agree"), [(2.9, True), (3.1, False), (-2.9, True), (-3.1, False)])
-def test_two_restitutions_agree_within_three_of_both_uncertainties_together(apart: float, agree: bool) -> None:
-    one, std = Quantity(0.9876, 3e-4), 5e-4  # together, with 4e-4
-    assert _agree(one, Quantity(0.9876 + apart * std, 4e-4)) is agree
-    assert _agree(one, NotSeen("the force is interrupted within the contact"))
 
 
 def test_a_disturbance_has_the_share_of_the_variance_that_white_noise_alone_would_not_leave() -> None:

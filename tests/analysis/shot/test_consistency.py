@@ -32,8 +32,17 @@ FIT = replace(PAPER_FIT, shots=(OWN,))
     ],
 )
 def test_a_restitution_above_one_is_flagged_where_noise_does_not_do_it(ratio: Reading, flagged: bool) -> None:
-    flags = reading_flags(impact_of(cor_quasi_static=ratio), None)
+    flags = reading_flags(impact_of(cor_quasi_static=ratio, cor_impulse=NotSeen("interrupted")), None)
     assert flags == (("restitution_above_one",) if flagged else ())
+
+
+@pytest.mark.parametrize(("apart", "agree"), [(2.9, True), (3.1, False), (-2.9, True), (-3.1, False)])
+def test_two_restitutions_agree_within_three_of_both_uncertainties_together(apart: float, agree: bool) -> None:
+    one, std = Quantity(0.98, 3e-4), 5e-4  # together, with 4e-4
+    other = Quantity(0.98 + apart * std, 4e-4)
+    flags = reading_flags(impact_of(cor_quasi_static=one, cor_impulse=other), None)
+    assert flags == (() if agree else ("impulse_disagrees",))
+    assert reading_flags(impact_of(cor_quasi_static=one, cor_impulse=NotSeen("interrupted")), None) == ()
 
 
 @pytest.mark.parametrize(

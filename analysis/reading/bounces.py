@@ -1,7 +1,6 @@
 """Find the first bounces: the early contacts and the short flights between them."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebder, chebval, chebvander
@@ -227,24 +226,16 @@ def _refined_peak(motion: Motion, onset_s: float, coarse_s: float, until_s: floa
     for degree, off in PEAK_DEGREES.items():
         if u.size < degree + 3:
             continue
-        design = chebvander(u, degree)
-        inverse = np.linalg.pinv(design)
-        second, third, fourth = _derivatives(degree)
+        inverse = np.linalg.pinv(chebvander(u, degree))
         series = inverse @ motion.displacement_m[window]
         grid = np.linspace(max(u[0], -0.8), min(u[-1], 0.8 * PEAK_REACH), 2001)
-        force = chebval(grid, second @ series)
+        force = chebval(grid, chebder(series, 2))
         top = int(force.argmax())
         if top in (0, grid.size - 1):
             continue
-        jerk = noise_std_m * float(np.linalg.norm(chebval(grid[top], third) @ inverse))
-        snap = float(chebval(grid[top], fourth @ series))
+        jerk = noise_std_m * float(np.linalg.norm(chebval(grid[top], chebder(inverse, 3))))
+        snap = float(chebval(grid[top], chebder(series, 4)))
         std = max(std, jerk / max(abs(snap), 1e-300))
         found = Edge(float(coarse_s + rise * grid[top]), rise * float(np.hypot(std, off)))
         best = found if best is None or found.std_s < best.std_s else best
     return best
-
-
-@lru_cache(maxsize=len(PEAK_DEGREES))
-def _derivatives(degree: int) -> tuple[Floats, ...]:
-    """Return the second to fourth derivatives of the Chebyshev polynomials up to a degree, as series in columns."""
-    return tuple(np.asarray(chebder(np.eye(degree + 1), k), np.float64) for k in (2, 3, 4))

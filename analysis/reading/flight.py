@@ -63,17 +63,13 @@ def fit_flight(motion: Motion, first: int, last: int, *, nearest: int, curved: b
     zero = float(motion.time_s[min(max(nearest, 0), motion.time_s.size - 1)])
     tau = motion.time_s[index] - zero
     degree = 2 if (curved or tau[-1] - tau[0] >= SHORTEST_CURVED_S) and index.size >= 12 else 1
-    scale = float(np.abs(tau).max())
-    design = np.vander(tau / scale, degree + 1, increasing=True)
-    values = motion.displacement_m[index]
+    falling, covariance = np.polyfit(tau, motion.displacement_m[index], degree, cov="unscaled")
+    residual = motion.displacement_m[index] - np.polyval(falling, tau)
     freedom = max(index.size - degree - 1, 1)
-    solution, *_ = np.linalg.lstsq(design, values, rcond=None)
-    residual = values - design @ solution
     stated = float(np.nanmedian(motion.displacement_std_m[index]))
     std = float(np.sqrt(residual @ residual / freedom)) if freedom >= 8 else stated
-    covariance = np.linalg.inv(design.T @ design) * max(std, 1e-30) ** 2
-    unscale = scale ** -np.arange(degree + 1.0)
-    return Flight(zero, solution * unscale, covariance * np.outer(unscale, unscale), std, int(index[0]), int(index[-1]))
+    covariance = covariance[::-1, ::-1] * max(std, 1e-30) ** 2
+    return Flight(zero, falling[::-1], covariance, std, int(index[0]), int(index[-1]))
 
 
 @dataclass(frozen=True, slots=True)

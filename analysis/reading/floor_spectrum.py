@@ -58,25 +58,19 @@ class Octaves:
     @classmethod
     def of(cls, time_s: Floats, bin_s: float) -> "Octaves":
         """Choose octaves and frequencies for bins of ``bin_s`` at ``time_s``."""
-        return _octaves(float(np.ptp(time_s)) + bin_s, time_s.size * bin_s, bin_s)
+        span_s, flown_s, top = float(np.ptp(time_s)) + bin_s, time_s.size * bin_s, 0.5 / bin_s
+        centre = LOWEST / span_s * 2.0 ** np.arange(max(3, round(np.log2(top * span_s / LOWEST))))
+        frequency = [0.1 / span_s]
+        while frequency[-1] < top:
+            frequency.append(frequency[-1] + min(max(SPACING / span_s, 0.03 * frequency[-1]), MAX_APART / flown_s))
+        at = np.array(frequency)
+        return cls(at, _hats(at, centre) * _density(at) * np.gradient(at), centre)
 
     def density(self, power: Floats, frequency_hz: Floats) -> Floats:
         """Return the one-sided density in m^2/Hz of octaves with ``power`` (k,) in (m/s)^2."""
         frequency = np.asarray(frequency_hz, np.float64)
         hats = _hats(np.maximum(frequency, 1e-3 * self.centre_hz[0]), self.centre_hz)
         return np.asarray(power @ (hats * _density(frequency)))
-
-
-@lru_cache(maxsize=8)
-def _octaves(span_s: float, flown_s: float, bin_s: float) -> Octaves:
-    top = 0.5 / bin_s
-    centre = LOWEST / span_s * 2.0 ** np.arange(max(3, round(np.log2(top * span_s / LOWEST))))
-    frequency = [0.1 / span_s]
-    while frequency[-1] < top:
-        frequency.append(frequency[-1] + min(max(SPACING / span_s, 0.03 * frequency[-1]), MAX_APART / flown_s))
-    at = np.array(frequency)
-    power = _hats(at, centre) * _density(at) * np.gradient(at)
-    return Octaves(at, power, centre)
 
 
 def _hats(frequency_hz: Floats, centre_hz: Floats) -> Floats:

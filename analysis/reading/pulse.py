@@ -77,7 +77,8 @@ def read_peak(motion: Motion, touch: Edge, release: Edge, noise: FloorSpectrum) 
     )
     if index.size < 5 or not np.isfinite(motion.force_n[index]).all():
         return NotSeen("the contact is too short or interrupted")
-    rough = _running_mean(motion.force_n[index], max(1, round(0.02 * span * motion.sample_rate_hz)))
+    width = max(1, round(0.02 * span * motion.sample_rate_hz))
+    rough = np.convolve(motion.force_n[index], np.ones(width) / width, mode="same")
     middle = motion.time_s[index[int(rough.argmax())]]
     around = index[np.abs(motion.time_s[index] - middle) <= max(TOP_FRACTION * span, 2.0 / motion.sample_rate_hz)]
     tau = motion.time_s[around] - middle
@@ -313,10 +314,6 @@ def find_turnaround(motion: Motion, touch: Edge, release: Edge) -> float | None:
 def _with_mass(motion: Motion, value: float, std: float) -> float:
     """Return the standard uncertainty including that of the moving mass, which scales every force."""
     return float(np.hypot(std, value * motion.moving_mass_u_kg / motion.moving_mass_kg))
-
-
-def _running_mean(values: Floats, width: int) -> Floats:
-    return np.convolve(values, np.ones(width) / width, mode="same") if width > 1 else values
 
 
 def _integral(time_s: Floats, values: Floats, begin: float, finish: float) -> float:

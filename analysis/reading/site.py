@@ -119,7 +119,10 @@ def read_site(velocity_m_per_s: Floats, sample_rate_hz: float, planned: PlannedS
     for array in (bands, frequency_hz, density):
         array.flags.writeable = False
     floor = SiteFloor(n / sample_rate_hz, CENTRES_HZ, bands, frequency_hz, density, lines, _criterion(least), 0.0)
-    return _with_expectation(floor, planned or PlannedShot())
+    stay = [line for line in lines if not _of_hand(line.frequency_hz)]
+    cor_std, without = PlannedFlights.on(floor, planned or PlannedShot()).cor_stds(stay)
+    costs = {line: cor_std / less for line, less in zip(stay, without, strict=True)}
+    return replace(floor, lines=tuple(replace(line, cost=costs.get(line, 1.0)) for line in lines), cor_std=cor_std)
 
 
 def likely_cause(frequency_hz: float, resolution_hz: float) -> str:
@@ -135,7 +138,7 @@ def likely_cause(frequency_hz: float, resolution_hz: float) -> str:
         for pairs in (1, 2, 3):  # an induction motor runs up to about 7 % slower than its field
             if 0.93 * mains / pairs <= frequency_hz <= mains / pairs + near:
                 return f"a motor or pump ({2 * pairs} poles on {mains:g} Hz)"
-    if _HAND_HZ[0] <= frequency_hz <= _HAND_HZ[1]:
+    if _of_hand(frequency_hz):
         return "the hand that holds the block"
     return "the building or a table on its legs" if frequency_hz < _HAND_HZ[0] else "a fan or a resonance"
 
@@ -192,15 +195,6 @@ class PlannedFlights:
         every = np.arange(flights, both.shape[1])
         of_line = (every - flights) // 4
         return std(every), [std(every[of_line != k]) for k in range(len(lines))]
-
-
-def _with_expectation(floor: SiteFloor, planned: PlannedShot) -> SiteFloor:
-    flights = PlannedFlights.on(floor, planned)
-    stay = [line for line in floor.lines if not _of_hand(line.frequency_hz)]
-    whole, without = flights.cor_stds(stay)
-    costs = {line: whole / less for line, less in zip(stay, without, strict=True)}
-    lines = tuple(replace(line, cost=costs.get(line, line.cost)) for line in floor.lines)
-    return replace(floor, lines=lines, cor_std=whole)
 
 
 def _of_hand(frequency_hz: float) -> bool:
@@ -260,27 +254,20 @@ def _strongest_line(values: Floats, rate_hz: float) -> float | None:
 def _refined(values: Floats, time_s: Floats, frequency_hz: float) -> tuple[float, Floats]:
     """Return the frequency (Gauss-Newton) and the sine itself, by least squares through a Hann window."""
     window = np.sin(np.pi * (np.arange(values.size) + 0.5) / values.size) ** 2
-    middle = time_s - time_s.mean()
+    turn = 2 * np.pi * (time_s - time_s.mean())
+
+    def fitted() -> tuple[Floats, Floats]:
+        """Return the sine of this frequency and its derivative by frequency."""
+        cosine, sine = np.cos(frequency_hz * turn), np.sin(frequency_hz * turn)
+        both = np.stack((cosine, sine)) * window
+        c, s = np.linalg.solve(both @ both.T, both @ (values * window))
+        return c * cosine + s * sine, turn * (s * cosine - c * sine)
+
     for _ in range(4):
-        angle = 2 * np.pi * frequency_hz * middle
-        cosine, sine = np.cos(angle), np.sin(angle)
-        c, s = _amplitudes(cosine, sine, values, window)
-        bend = 2 * np.pi * middle * (s * cosine - c * sine)
-        rest = (values - c * cosine - s * sine) * window
-        frequency_hz += float(rest @ (bend * window) / max(float((bend * window) @ (bend * window)), 1e-300))
-    angle = 2 * np.pi * frequency_hz * middle
-    cosine, sine = np.cos(angle), np.sin(angle)
-    c, s = _amplitudes(cosine, sine, values, window)
-    return frequency_hz, np.asarray(c * cosine + s * sine)
-
-
-def _amplitudes(cosine: Floats, sine: Floats, values: Floats, window: Floats) -> tuple[float, float]:
-    """Return the amplitudes of cosine and sine by least squares through the window."""
-    weighed = window**2
-    cc, cs, ss = float(weighed @ cosine**2), float(weighed @ (cosine * sine)), float(weighed @ sine**2)
-    cv, sv = float(weighed @ (cosine * values)), float(weighed @ (sine * values))
-    found = cc * ss - cs * cs
-    return (ss * cv - cs * sv) / found, (cc * sv - cs * cv) / found
+        wave, bend = fitted()
+        bend = bend * window
+        frequency_hz += float((values - wave) * window @ bend / max(float(bend @ bend), 1e-300))
+    return frequency_hz, fitted()[0]
 
 
 def _third_octaves(frequency_hz: Floats, power: Floats, waves: Sequence[tuple[float, float]]) -> tuple[Floats, Floats]:

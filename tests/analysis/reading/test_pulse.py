@@ -15,7 +15,6 @@ from analysis.reading.floor_spectrum import FloorSpectrum, Octaves
 from analysis.reading.pulse import (
     _force_std,
     _integral,
-    _running_mean,
     find_turnaround,
     read_deflection,
     read_fwhm,
@@ -302,8 +301,6 @@ def test_an_integral_between_samples_is_that_of_the_lines_between_them() -> None
     for begin, end in ((time[0], time[-1]), (time[2] + 1e-3, time[7] - 1e-3), (time[3], time[3] + 1e-3)):
         whole, _ = quad(lambda t: float(np.interp(t, time, values)), begin, end, points=time[1:-1], limit=200)
         assert _integral(time, values, begin, end) == pytest.approx(whole, abs=1e-9)
-    assert _running_mean(np.array([3.0, 0.0, 6.0, 0.0]), 3).tolist() == pytest.approx([1.0, 3.0, 2.0, 2.0])
-    assert _running_mean(values, 1) is values
 
 
 def test_the_width_of_a_half_sine_is_two_thirds_of_it_and_less_is_not_read_from_a_record_that_ends() -> None:

@@ -123,12 +123,17 @@ def test_a_line_costs_what_the_expectation_without_it_lacks(monkeypatch):
         assert line.cost == pytest.approx(floor.cor_std / without, rel=1e-9)
 
 
-def test_a_waves_amplitudes_are_those_of_least_squares():
-    random = np.random.default_rng(5)
-    angle, window = np.linspace(0.3, 3.9, 400), random.uniform(0.5, 1.0, 400)
-    cosine, sine, values = np.cos(angle), np.sin(angle), random.standard_normal(400)
-    best = np.linalg.lstsq(np.stack((cosine, sine), 1) * window[:, None], values * window, rcond=None)[0]
-    assert site._amplitudes(cosine, sine, values, window) == pytest.approx(tuple(best), rel=1e-9)
+def test_a_wave_is_that_of_least_squares_through_the_window():
+    time_s = np.arange(400) * 1e-3
+    values = np.sin(2 * np.pi * 24.9 * time_s) + 0.3 * np.random.default_rng(5).standard_normal(400)
+    frequency_hz, wave = site._refined(values, time_s, 25.0)
+    angle, window = (
+        2 * np.pi * frequency_hz * (time_s - time_s.mean()),
+        np.sin(np.pi * (np.arange(400) + 0.5) / 400) ** 2,
+    )
+    columns = np.stack((np.cos(angle), np.sin(angle)), 1)
+    best = np.linalg.lstsq(columns * window[:, None], values * window, rcond=None)[0]
+    assert wave == pytest.approx(columns @ best, rel=1e-9, abs=1e-9)
 
 
 def _written_out(flights, lines):

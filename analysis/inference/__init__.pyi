@@ -10,7 +10,6 @@ from .fit.shot_fit import fit_shots
 from .joint.joint_data import JointData, frame_motions_of, joint_data, site_under
 from .model.arrow import Arrow, orthonormal
 from .model.base import OWN_NAMES, PLATE_NAMES, SearchStart, base_named, start_from_fit
-from .model.course import Course
 from .model.effective_parameters import Point, to_physical
 from .model.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
 from .model.normal_matrix import NormalMatrix
@@ -28,7 +27,6 @@ __all__ = [
     "RATE_HZ",
     "STILL_FRAME",
     "Arrow",
-    "Course",
     "Fitted",
     "Floor",
     "JointData",

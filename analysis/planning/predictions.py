@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from analysis.collision import Effect, Infeasible
-from analysis.inference import OWN_NAMES, Course, Fitted, Floor, Point, Samples, on_site
+from analysis.inference import OWN_NAMES, Fitted, Floor, Point, Samples, on_site
 from analysis.planning.next_shot import NextShot, contact_s, mass_without_weights_kg, on_the_rig
 from analysis.shot import Floats, Stop
 
@@ -34,24 +34,20 @@ def blank_shot(shot: NextShot, fitted: Fitted) -> Samples:
         spacing_s=like.spacing_s,
         moving_mass_kg=mass_without_weights_kg(shots) + shot.added_mass_kg,
         wavelength_m=like.wavelength_m,
-        course=_course(like.course, shot, touching_s),
+        course=replace(
+            like.course,
+            touch_time_s=shot.before_s,
+            touch_position_m=0.0,
+            velocity_in_m_per_s=-shot.speed_m_per_s,
+            turnaround_time_s=shot.before_s + touching_s / 2,
+            rate_rad_per_s=float(np.pi / touching_s),
+            release_time_s=shot.before_s + touching_s,
+        ),
         white_m=like.white_m,
         plate_number=like.plate_number,
     )
     at = Point(point.base, np.array([[-shot.speed_m_per_s, shot.before_s, 0.0]]), point.values[:1])
     return on_site([empty], data.site, data.base, at)[0]
-
-
-def _course(like: Course, shot: NextShot, touching_s: float) -> Course:
-    return replace(
-        like,
-        touch_time_s=shot.before_s,
-        touch_position_m=0.0,
-        velocity_in_m_per_s=-shot.speed_m_per_s,
-        turnaround_time_s=shot.before_s + touching_s / 2,
-        rate_rad_per_s=float(np.pi / touching_s),
-        release_time_s=shot.before_s + touching_s,
-    )
 
 
 def predict(fitted: Fitted, shot: Samples) -> Samples:
@@ -101,11 +97,10 @@ class Information:
         return max(0.0, self.chi2 - float(self.gradient / scale @ step)) + self.penalty
 
 
-def information_of(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequence[int] = ()) -> Information:
+def information_of(rival: Fitted, shot: Samples, floor: Floor) -> Information:
     """Return the information of a predicted shot on a rival's shared parameters.  Raises Infeasible.
 
-    ``unshared`` are indices of the vector that apply to this shot alone, as on a plate of its own.  Cost: one shot with
-    derivatives, 1 to 11 ms.
+    Cost: one shot with derivatives, 1 to 11 ms.
     """
     problem, z = rival.with_shots([shot])
     last = len(problem.data.shots) - 1
@@ -113,8 +108,7 @@ def information_of(rival: Fitted, shot: Samples, floor: Floor, unshared: Sequenc
     rows = shot.whitened(floor, np.column_stack([here - shot.displacement_m, columns]))
     if not np.all(np.isfinite(rows)):
         raise Infeasible("the trajectory is not finite")
-    own = [problem.shared.index(k) for k in unshared]
-    return information_without(rows[:, 1:], rows[:, 0], len(problem.shared), own)
+    return information_without(rows[:, 1:], rows[:, 0], len(problem.shared))
 
 
 def shot_penalty(rival: Fitted, effect: Effect, scatter: Floats, shot: Samples, floor: Floor) -> float:
@@ -143,16 +137,12 @@ def present_information(fitted: Fitted, floor: Floor) -> Information:
     return Information(curvature, gradient, square.chi2 - fall)
 
 
-def information_without(jacobian: Floats, left: Floats, shared: int, unshared: Sequence[int] = ()) -> Information:
-    """Return the information of whitened derivatives and residual on the first ``shared`` columns, others eliminated.
-
-    ``unshared`` ones among the first are eliminated as well.
-    """
-    own = jacobian[:, [*range(shared, jacobian.shape[1]), *unshared]]
+def information_without(jacobian: Floats, left: Floats, shared: int) -> Information:
+    """Return the information of whitened rows, derivatives and residual, on the first ``shared`` columns alone."""
+    own = jacobian[:, shared:]
     own = own[:, np.any(own != 0.0, axis=0)]
     basis = np.linalg.qr(own / np.linalg.norm(own, axis=0))[0]
     columns = jacobian[:, :shared] - basis @ (basis.T @ jacobian[:, :shared])
-    columns[:, list(unshared)] = 0.0  # they are zero up to rounding
     rest = left - basis @ (basis.T @ left)
     return Information(columns.T @ columns, columns.T @ rest, float(rest @ rest))
 

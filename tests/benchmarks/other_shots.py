@@ -85,7 +85,8 @@ def row(true: str, rival: str, seed: int) -> Row | None:
 
     def after(shot: Samples, own: list[int] | None = None) -> float:
         try:
-            return _distance(known + information_of(b.fitted, predict(a.fitted, shot), floor, own or []), a)
+            found = information_of(b.fitted, predict(a.fitted, shot), floor)
+            return _distance(known + (_without(found, own) if own else found), a)
         except Infeasible:
             return 0.0
 
@@ -106,11 +107,21 @@ def _distance(said: Information, true: ComparedModel) -> float:
     return sqrt(max(0.0, said.least - true.chi2))
 
 
+def _without(said: Information, places: list[int]) -> Information:
+    """Return a shot's information with the parameters at these places eliminated, as they are that shot's own."""
+    known = np.column_stack([said.curvature, said.gradient])
+    across = np.linalg.solve(said.curvature[np.ix_(places, places)], known[places])
+    left = known - said.curvature[:, places] @ across
+    left[places], left[:, places] = 0.0, 0.0  # they are zero up to rounding
+    chi2 = said.chi2 - float(said.gradient[places] @ across[:, -1])
+    return Information(left[:, :-1], left[:, -1], chi2, said.penalty)
+
+
 def _of_the_plate(fitted: Fitted) -> list[int]:
     """Return the places of what another plate would have for itself: its base parameters and its effects'."""
     out = []
-    for place in fitted.problem.shared:
-        name = fitted.problem.names[place][0]
+    for place, column in enumerate(fitted.problem.shared):
+        name = fitted.problem.names[column][0]
         effect = name.partition(".")[0] if "." in name else ""
         if name in _PLATE or (effect and effect_named(effect).acts is Acts.ON_PLATE):
             out.append(place)

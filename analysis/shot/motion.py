@@ -50,7 +50,6 @@ class Motion:
     rest_frequency_hz: Reading = field(default_factory=lambda: NotSeen("no optics"))
     trigger_time_s: float | None = None
     rate_error: float = 0.0  # relative error of the stated sample rate; not included in the stds
-    displacement_wander_m_per_sqrt_s: float = 0.0  # random walk of the path; included in the stds of v, a and F
     reference: BeatQuality | None = None
     measurement: BeatQuality | None = None
     flags: tuple[str, ...] = ()

@@ -1,6 +1,7 @@
 """Bridge gaps in a beat's phase (light too weak, or samples lost) without losing count of the fringes."""
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from analysis.shot import Floats
@@ -126,25 +127,19 @@ class Bridge:
                 self.doubtful += 1
             return
         middle = 0.5 * (start + stop - 1)
-        base = np.rint(self._phase[before[-1]])
-        left = np.polynomial.Polynomial.fit(before - middle, self._phase[before] - base, 2)
-        right = np.polynomial.Polynomial.fit(after - middle, self._phase[after] - base, 2)
+        left, right = _sides(self._phase, before, after, middle, 2)
         apart = float(right(0.0) - left(0.0))
         whole = np.rint(apart)
         if abs(apart - whole) > DOUBTFUL_CYCLES:
             self.doubtful += 1
         self._phase[stop:] -= whole
         self._shift -= float(whole)
-        span = float(stop - start + 1)
-        u = (np.arange(start, stop) - (start - 1)) / span
-        a, b = float(left(start - 1 - middle)), float(right(stop - middle)) - whole
-        slope_a = float(left.deriv()(start - 1 - middle)) * span
-        slope_b = float(right.deriv()(stop - middle)) * span
-        self._phase[start:stop] = base + (
-            a * (1 + 2 * u) * (1 - u) ** 2
-            + slope_a * u * (1 - u) ** 2
-            + b * u**2 * (3 - 2 * u)
-            - slope_b * u**2 * (1 - u)
+        from scipy.interpolate import CubicHermiteSpline  # slow import: only where a hole is filled
+
+        begin, end = start - 1 - middle, stop - middle
+        values, slopes = [left(begin), right(end) - whole], [left.deriv()(begin), right.deriv()(end)]
+        self._phase[start:stop] = self._phase[before[-1]] + CubicHermiteSpline([begin, end], values, slopes)(
+            np.arange(start, stop) - middle
         )
 
 
@@ -166,17 +161,17 @@ def join_stretches(
         if before.size < _MIN_PHASES or after.size < _MIN_PHASES:
             continue
         middle = 0.5 * (before[-1] + after[0])
-        apart = [_mismatch(out, before[-n:], after[:n], middle, degree) / fringe_m for n in (reach // 2, reach)]
+        sides = [_sides(out, before[-n:], after[:n], middle, degree) for n in (reach // 2, reach)]
+        apart = [float(right(0.0) - left(0.0)) / fringe_m for left, right in sides]
         whole = np.rint(apart[-1])
         out[after[0] :] -= whole * fringe_m
         sure = sure and abs(apart[0] - apart[1]) < _DOUBTFUL_FRINGES and abs(apart[1] - whole) < 2 * _DOUBTFUL_FRINGES
     return out, not sure
 
 
-def _mismatch(
-    displacement: Floats, before: NDArray[np.intp], after: NDArray[np.intp], middle: float, degree: int
-) -> float:
-    base = displacement[before[-1]]
-    left = np.polynomial.Polynomial.fit(before - middle, displacement[before] - base, degree)
-    right = np.polynomial.Polynomial.fit(after - middle, displacement[after] - base, degree)
-    return float(right(0.0) - left(0.0))
+def _sides(
+    values: Floats, before: NDArray[np.intp], after: NDArray[np.intp], middle: float, degree: int
+) -> tuple[Polynomial, Polynomial]:
+    """Return polynomials through the samples before and after a gap, relative to the last one before it."""
+    left, right = (Polynomial.fit(side - middle, values[side] - values[before[-1]], degree) for side in (before, after))
+    return left, right

@@ -241,9 +241,8 @@ def _motion(
         rest_frequency_hz=rest.frequency_hz,
         trigger_time_s=recording.trigger_time_s,
         rate_error=contradicted,
-        displacement_wander_m_per_sqrt_s=walk,
-        reference=_quality(recording, Role.REFERENCE, tracks[1], grid) if len(tracks) > 1 else None,
-        measurement=_quality(recording, Role.MEASUREMENT, track, grid),
+        reference=_quality(recording, tracks[1], grid) if len(tracks) > 1 else None,
+        measurement=_quality(recording, track, grid),
         flags=tuple(dict.fromkeys(flags)),
     )
 
@@ -359,16 +358,14 @@ def _delay_s(track: Track) -> float:
     return tuning.delay_samples / tuning.sample_rate_hz
 
 
-def _quality(recording: Recording, role: Role, track: Track, grid: Grid) -> BeatQuality:
-    column = recording.column(role)
-    assert column is not None
+def _quality(recording: Recording, track: Track, grid: Grid) -> BeatQuality:
     known = stretches(np.isfinite(track.phase_cycles))
     start, stop = max(known, key=lambda piece: piece[1] - piece[0])
     quiet = slice(start, min(stop, start + max(16, (stop - start) // 32)))
     slope = np.polyfit(np.arange(quiet.stop - quiet.start), track.phase_cycles[quiet], 1)[0]
     return BeatQuality(
         frequency_hz=float(track.oscillator_hz + slope * grid.rate_hz),
-        amplitude_v=track.spec.survey.amplitude_counts * abs(recording.channels[column].volts_per_count),
+        amplitude_v=track.spec.survey.amplitude_counts * abs(recording.channels[track.spec.column].volts_per_count),
         snr_db=track.spec.survey.snr_db,
         clipped_fraction=track.spec.survey.clipped_fraction,
     )

@@ -20,7 +20,7 @@ def test_a_motion_without_more_has_no_optics_no_trigger_and_no_fault_and_cannot_
     assert motion.rest_frequency_hz == NotSeen("no optics")
     rest = {field.name: getattr(motion, field.name) for field in fields(Motion)[17:]}
     assert rest == {
-        "trigger_time_s": None, "rate_error": 0.0, "displacement_wander_m_per_sqrt_s": 0.0, "reference": None,
+        "trigger_time_s": None, "rate_error": 0.0, "reference": None,
         "measurement": None, "flags": (), "force_measured": False, "plate": None,
     }  # fmt: skip
     assert len(ARRAYS) == 10

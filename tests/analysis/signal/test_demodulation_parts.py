@@ -101,7 +101,7 @@ def _track(**changes: Any) -> Any:
     track = {
         "phase_cycles": cycles, "std_cycles": np.full(50, 1e-3), "amplitude_counts": np.full(50, 500.0),
         "hole": np.zeros(50, bool), "breaks": (), "doubtful": 0, "oscillator_hz": 2.7e6,
-        "spec": SimpleNamespace(survey=survey, tuning=tuning), "offset_hz": lambda grid: np.zeros(49),
+        "spec": SimpleNamespace(survey=survey, tuning=tuning, column=1), "offset_hz": lambda grid: np.zeros(49),
     }  # fmt: skip
     return SimpleNamespace(**track | changes)
 
@@ -168,14 +168,12 @@ def test_a_beats_quality_is_read_from_the_first_32th_of_its_longest_stretch() ->
     cycles[:600] = 0.3 * np.arange(600)
     cycles[900:1990] = np.where(np.arange(1090) < 34, 0.02, 0.5) * np.arange(1090)
     recording = replace(PLAIN, channels=(PLAIN.channels[0], replace(PLAIN.channels[1], volts_per_count=-2e-4)))
-    quality = _quality(recording, Role.MEASUREMENT, _track(phase_cycles=cycles), _grid())
+    quality = _quality(recording, _track(phase_cycles=cycles), _grid())
     assert quality.frequency_hz == pytest.approx(2.7e6 + 0.02 * 1e5, rel=1e-9)
     assert (quality.amplitude_v, quality.snr_db, quality.clipped_fraction) == (pytest.approx(0.1), 33.0, 0.0)
     short = 0.02 * np.arange(40.0)
     short[16:] += 5.0
-    assert _quality(recording, Role.MEASUREMENT, _track(phase_cycles=short), _grid()).frequency_hz == pytest.approx(
-        2.7e6 + 0.02 * 1e5
-    )
+    assert _quality(recording, _track(phase_cycles=short), _grid()).frequency_hz == pytest.approx(2.7e6 + 0.02 * 1e5)
 
 
 def test_a_given_rest_beat_is_its_frequency_times_the_time_with_no_noise() -> None:
@@ -239,16 +237,16 @@ def test_a_motion_is_made_of_both_phases_and_carries_what_the_recording_states()
     assert (motion.moving_mass_kg, motion.moving_mass_u_kg) == (0.02, 3e-6)
     assert motion.plate is recording.setup.plate
     assert motion.trigger_time_s == recording.trigger_time_s == 12_345 / RATE
-    assert (motion.displacement_wander_m_per_sqrt_s, motion.rate_error, motion.flags) == (0.0, 0.0, ())
+    assert (motion.rate_error, motion.flags) == (0.0, ())
     assert not any(getattr(motion, name).flags.writeable for name in ARRAYS)
     both = demodulate(recording, AnalysisSettings(bandwidth_hz=8e3, rest="instantaneous"))
     assert np.median(both.displacement_std_m / motion.displacement_std_m) == pytest.approx(np.sqrt(2.0), rel=0.15)
 
 
-def test_a_path_that_walks_is_flagged_and_its_growth_is_the_motions(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_path_that_walks_is_flagged(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(demodulation, "random_walk_growth", lambda *of: 2e-8)
     motion = demodulate(_recorded(), AnalysisSettings())
-    assert motion.displacement_wander_m_per_sqrt_s == 2e-8 and motion.flags == ("wander",)
+    assert motion.flags == ("wander",)
 
 
 def test_what_was_dark_is_no_number_in_any_array_of_the_motion() -> None:

@@ -6,6 +6,7 @@ every velocity is off by half a wavelength times the apparent shift of the rest 
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -20,10 +21,8 @@ RATE_CONTRADICTED = "rate_contradicted"
 DELIVERED_KEY = "lmm:delivered_rate_hz"  # global key: rate by the computer's clock, if it differs from the stated rate
 REST_STATED_U = 5e-4  # relative tolerance of a rest frequency stated without uncertainty: a laser's drift over months
 RATE_SIGMAS = 2.0  # standard uncertainties by which the rates must differ
-_SCALED = (
-    *("velocity_in_m_per_s", "velocity_out_m_per_s", "force_peak_n", "stiffness_slope_n_per_m"),
-    *("contact_time_s", "force_fwhm_s"),
-)
+_VELOCITIES, _RATIOS = ("velocity_in_m_per_s", "velocity_out_m_per_s"), ("cor_quasi_static", "cor_impulse")
+_OTHERS = ("force_peak_n", "stiffness_slope_n_per_m", "contact_time_s", "force_fwhm_s", "deflection_max_m")
 
 
 def rate_error(recording: Recording, rest_hz: Quantity | None) -> float:
@@ -61,14 +60,13 @@ def with_rate_error(impact: Impact, motion: Motion) -> Impact:
     """Return the readings with the error of the sample rate added to their standard uncertainties."""
     if not motion.rate_error:
         return impact
-    added = {name: _std_by_share(impact, name, abs(power_of_time(name)) * motion.rate_error) for name in _SCALED}
-    offset = velocity_offset_m_per_s(motion)
-    if offset > 0.0:
-        for name in ("velocity_in_m_per_s", "velocity_out_m_per_s"):
-            added[name] = math.hypot(added[name], offset)
-        added |= _ratio_errors(impact, offset)
-    read = {name: (getattr(impact, name), std) for name, std in added.items()}
-    wider = {name: _wider(reading, std) for name, (reading, std) in read.items() if isinstance(reading, Quantity)}
+    names = (*_VELOCITIES, *_RATIOS, *_OTHERS)
+    read = {name: reading for name in names if isinstance(reading := getattr(impact, name), Quantity)}
+    of_offset = _errors_by_offset(read, velocity_offset_m_per_s(motion))
+    wider = {
+        name: _wider(reading, power_of_time(name) * motion.rate_error * reading.value, of_offset.get(name, 0.0))
+        for name, reading in read.items()
+    }
     return replace(impact, **wider)  # type: ignore[arg-type]
 
 
@@ -110,19 +108,13 @@ def _wider(quantity: Quantity, *further: float) -> Quantity:
     return replace(quantity, std=math.hypot(quantity.std, *further))
 
 
-def _std_by_share(impact: Impact, name: str, share: float) -> float:
-    reading = getattr(impact, name)
-    return share * abs(reading.value) if isinstance(reading, Quantity) else 0.0
-
-
-def _ratio_errors(impact: Impact, offset_m_per_s: float) -> dict[str, float]:
-    """Return the errors of both CORs and of the deflection from one velocity offset common to both flights."""
-    added = {}
-    into, lasts = impact.velocity_in_m_per_s, impact.contact_time_s
-    for name in ("cor_quasi_static", "cor_impulse"):
-        ratio = getattr(impact, name)
-        if isinstance(into, Quantity) and isinstance(ratio, Quantity) and into.value:
-            added[name] = (1.0 + abs(ratio.value)) * offset_m_per_s / abs(into.value)
-    if isinstance(lasts, Quantity):
-        added["deflection_max_m"] = 0.5 * lasts.value * offset_m_per_s
-    return added
+def _errors_by_offset(read: Mapping[str, Quantity], offset_m_per_s: float) -> dict[str, float]:
+    """Return the errors of velocities, CORs and deflection from one velocity offset common to both flights."""
+    errors = dict.fromkeys(_VELOCITIES, offset_m_per_s)
+    into, lasts = read.get("velocity_in_m_per_s"), read.get("contact_time_s")
+    if into is not None and into.value:
+        ratios = {name: abs(read[name].value) for name in _RATIOS if name in read}
+        errors |= {name: (1.0 + ratio) * offset_m_per_s / abs(into.value) for name, ratio in ratios.items()}
+    if lasts is not None:
+        errors["deflection_max_m"] = 0.5 * lasts.value * offset_m_per_s
+    return errors

@@ -105,10 +105,7 @@ def with_model_readings(impact: Impact, fit: Fit, motion: Motion) -> Impact:
         return checked
     return replace(
         checked,
-        force_peak_n=pulse["force_peak_n"],
-        force_fwhm_s=pulse["force_fwhm_s"],
-        contact_time_s=pulse["contact_time_s"],
-        deflection_max_m=pulse["deflection_max_m"],
+        **pulse,  # type: ignore[arg-type]
         cor_impulse=NotSeen("the force before and after the turn is drowned in noise"),
         stiffness_slope_n_per_m=NotSeen("the force is drowned in noise; the fit gives the contact's stiffness"),
         flags=tuple(dict.fromkeys((*checked.flags, READ_FROM_MODEL))),
@@ -171,17 +168,11 @@ def _pulse(fit: Fit, motion: Motion) -> dict[str, Quantity]:
 
 
 def _derivatives(function: Callable[[Floats], Floats], at: Floats, fit: Fit, speed_std: float) -> Floats:
+    zero = np.zeros(len(PULSE))
     steps = np.array([*(0.3 * np.sqrt(np.maximum(np.diag(fit.covariance)[: at.size - 1], 0.0))), 0.3 * speed_std])
-    out = []
-    for k, step in enumerate(steps):
-        if not step > 0.0:
-            out.append(np.zeros(len(PULSE)))
-            continue
-        moved = [at.copy(), at.copy()]
-        moved[0][k] -= step
-        moved[1][k] += step
-        out.append((function(moved[1]) - function(moved[0])) / (2.0 * step))
-    return np.stack(out, axis=1)
+    moved = zip(steps, steps[:, None] * np.eye(at.size), strict=True)
+    columns = [(function(at + by) - function(at - by)) / (2.0 * step) if step > 0.0 else zero for step, by in moved]
+    return np.stack(columns, axis=1)
 
 
 def _first_contact_span(touch_s: float, fit: Fit, motion: Motion) -> tuple[float, float]:

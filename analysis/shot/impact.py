@@ -14,6 +14,7 @@ from analysis.collision import Floats
 from analysis.shot.quantity import NotSeen, Quantity, Reading
 
 _NOTHING: Mapping[str, float] = MappingProxyType({})
+_NOT_READ = NotSeen("not read")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,14 +55,11 @@ class VibrationSpectrum:
         apart = np.array([line.frequency_hz.std for line in lines])
         middle = np.array([line.frequency_hz.value for line in lines])
         power = np.array([0.5 * line.amplitude_m.value**2 for line in lines])
-        two = np.concatenate([middle - apart, middle + apart])
-        return self._with(VibrationSpectrum(two, np.concatenate([power, power]), np.zeros(two.size, dtype=np.bool_)))
-
-    def _with(self, other: "VibrationSpectrum") -> "VibrationSpectrum":
-        frequency = np.concatenate([self.frequency_hz, other.frequency_hz])
+        frequency = np.concatenate([self.frequency_hz, middle - apart, middle + apart])
         order = np.argsort(frequency, kind="stable")
-        power = np.concatenate([self.power_m2, other.power_m2])
-        return VibrationSpectrum(frequency[order], power[order], np.concatenate([self.random, other.random])[order])
+        power = np.concatenate([self.power_m2, power, power])
+        random = np.pad(self.random, (0, 2 * len(lines)))
+        return VibrationSpectrum(frequency[order], power[order], random[order])
 
     @property
     def rms_m(self) -> float:
@@ -91,18 +89,14 @@ class Disturbance:
     vibration: VibrationSpectrum | None = None
 
 
-def _not_read() -> Reading:
-    return NotSeen("not read")
-
-
 @dataclass(frozen=True, slots=True)
 class KineticCor:
     """The kinetic COR: T2 / T1 of the first bounces by three kinds of instants, and ``contact`` by the fitted model."""
 
-    force_peaks: Reading = field(default_factory=_not_read)
-    onsets: Reading = field(default_factory=_not_read)
-    flights: Reading = field(default_factory=_not_read)
-    contact: Reading = field(default_factory=_not_read)
+    force_peaks: Reading = _NOT_READ
+    onsets: Reading = _NOT_READ
+    flights: Reading = _NOT_READ
+    contact: Reading = _NOT_READ
 
 
 @dataclass(frozen=True, slots=True)

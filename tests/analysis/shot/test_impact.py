@@ -19,9 +19,10 @@ def test_beyond_its_last_sine_a_spectrum_falls_with_the_fourth_power_from_where_
 def _floor(frequency_hz: list[float], density: float, lines: int = 0) -> VibrationSpectrum:
     """Return a floor of even density, with so many lines of 1 pm^2 at 12, 22, ... Hz."""
     known = np.array(frequency_hz)
-    plain = VibrationSpectrum(known, density * np.gradient(known), np.ones(known.size, dtype=np.bool_))
-    other = np.array([12.0 + 10 * n for n in range(lines)])
-    return plain._with(VibrationSpectrum(other, np.full(lines, 1e-24), np.zeros(lines, dtype=np.bool_)))
+    frequency = np.append(known, [12.0 + 10 * n for n in range(lines)])
+    order = np.argsort(frequency)
+    power = np.append(density * np.gradient(known), np.full(lines, 1e-24))
+    return VibrationSpectrum(frequency[order], power[order], order < known.size)
 
 
 def test_power_is_density_times_width_and_lines_are_no_density() -> None:

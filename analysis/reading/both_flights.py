@@ -4,7 +4,7 @@ The displacement of the flights is averaged in bins shorter than any vibration p
 enough for their full covariance.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,9 @@ def read_flights(
     bins, knocks, unremovable_knock = _without_knocks(bins, zeros)
     polynomials, drags = _polynomials(bins, zeros)
     straight, line = _unweighted(bins, polynomials, drags)
-    observation = _observation(replace(bins, value_m=bins.value_m - line), drags)
+    octaves = Octaves.of(bins.time_s, bins.each * bins.step_s)
+    waves_of_floor = np.hstack(bins.waves(octaves.frequency_hz))
+    observation = FlightObservation(bins.value_m - line, bins.std_m, drags, octaves, waves_of_floor)
     if before is None:
         waves, estimate = _search_lines(bins, observation, polynomials)
     else:
@@ -80,7 +82,7 @@ def read_flights(
     solution, covariance = observation.solve(weights, points, design)
     solution[: straight.size] += straight
     white = bins.std_m * np.sqrt(bins.each)
-    floor = FloorSpectrum(observation.octaves, weights @ observation.powers(points), white, motion.sample_rate_hz)
+    floor = FloorSpectrum(octaves, weights @ observation.powers(points), white, motion.sample_rate_hz)
     degree = 3 if 2 in drags else 2  # columns of the incoming flight
     first, second = slice(0, degree), slice(degree, polynomials.shape[1])
     plain = np.linalg.inv(polynomials.T @ polynomials) * bins.std_m**2
@@ -147,11 +149,6 @@ def _unweighted(bins: Bins, polynomials: Floats, left_out: tuple[int, ...] = ())
     solution, *_ = np.linalg.lstsq(polynomials[:, free] / scale[free], bins.value_m, rcond=None)
     coefficients[free] = solution / scale[free]
     return coefficients, np.asarray(polynomials @ coefficients)
-
-
-def _observation(bins: Bins, drags: tuple[int, ...]) -> FlightObservation:
-    octaves = Octaves.of(bins.time_s, bins.each * bins.step_s)
-    return FlightObservation(bins.value_m, bins.std_m, drags, octaves, np.hstack(bins.waves(octaves.frequency_hz)))
 
 
 def _polynomials(bins: Bins, zeros: tuple[float, float]) -> tuple[Floats, tuple[int, ...]]:

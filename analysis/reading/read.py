@@ -110,7 +110,7 @@ def _read(motion: Motion, span: CollisionSpan, touch: Edge, release: Edge | None
     )
     momentum = pulse.read_momentum(motion, touch, release, drag, (v_in, v_out), noise)
     flags += reading_flags(impact, momentum)
-    return replace(impact, flags=tuple(flags), disturbance=_disturbance(flights, motion, impact))
+    return replace(impact, flags=tuple(flags), disturbance=_disturbance(flights, motion, (v_in, v_out)))
 
 
 def read_frame_motion(motion: Motion) -> VibrationSpectrum | None:
@@ -221,14 +221,14 @@ def _with_floor_uncertainty(
     return _force_release(motion, span) if 0.5 * lost > span.last_std_s else release.with_added_uncertainty(0.5 * lost)
 
 
-def _disturbance(flights: Flights, motion: Motion, impact: Impact) -> Disturbance:
+def _disturbance(flights: Flights, motion: Motion, velocities: tuple[Quantity, Quantity]) -> Disturbance:
     """Return the disturbance of the displacement, and its share of the variance of each number."""
     return Disturbance(
         lines=flights.lines,
         floor_rms_m=flights.floor.rms_m,
         floor_rms_m_per_s=flights.floor.velocity_std_m_per_s((0.0,), (1.0,), motion.bandwidth_hz),
         knocks_s=flights.knocks_s,
-        shares=_shares(flights, impact),
+        shares=_shares(flights, velocities),
         vibration=flights.floor.vibration.with_lines(flights.lines) if _frame_moves(flights) else None,
     )
 
@@ -238,14 +238,13 @@ def _frame_moves(flights: Flights) -> bool:
     return bool(flights.lines) or flights.floor.rms_m > FLOOR_SIGNIFICANT_M
 
 
-def _shares(flights: Flights, impact: Impact) -> Mapping[str, float]:
-    shares = {}
-    plain = {"velocity_in_m_per_s": flights.plain[0], "velocity_out_m_per_s": flights.plain[1]}
-    for name, std in plain.items():
-        reading = getattr(impact, name)
-        if isinstance(reading, Quantity) and reading.std > 0.0:
-            shares[name] = float(np.clip(1.0 - (std / reading.std) ** 2, 0.0, 1.0))
-    return shares
+def _shares(flights: Flights, velocities: tuple[Quantity, Quantity]) -> Mapping[str, float]:
+    of_both = zip(("velocity_in_m_per_s", "velocity_out_m_per_s"), flights.plain, velocities, strict=True)
+    return {
+        name: float(np.clip(1.0 - (std / velocity.std) ** 2, 0.0, 1.0))
+        for name, std, velocity in of_both
+        if velocity.std > 0.0
+    }
 
 
 def _threshold_edge(motion: Motion, sample: int) -> Edge:

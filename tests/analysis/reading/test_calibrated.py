@@ -16,9 +16,8 @@ from scipy.signal import butter, sosfiltfilt
 from analysis.reading import pulse
 from analysis.reading.read import _between_flights, _ratio, _shares, read_impact
 from analysis.shot.impact import Impact
-from analysis.shot.quantity import NotSeen, Quantity
+from analysis.shot.quantity import Quantity
 from tests.analysis.disturbance import Disturbance, disturbed_motion
-from tests.analysis.impacts import impact_of
 from tests.analysis.synthetic_collision import MASS_KG, Synthetic, motion_of
 
 SHOTS = 100
@@ -108,12 +107,9 @@ def test_a_ratio_knows_what_both_velocities_share(shared: float) -> None:
 
 def test_a_disturbance_has_the_share_of_the_variance_that_white_noise_alone_would_not_leave() -> None:
     quiet = cast(Any, SimpleNamespace(plain=(3e-6, 9e-6)))
-    impact = impact_of(velocity_in_m_per_s=Quantity(-0.265, 5e-6), velocity_out_m_per_s=Quantity(0.26, 8e-6))
-    assert _shares(quiet, impact) == pytest.approx({"velocity_in_m_per_s": 0.64, "velocity_out_m_per_s": 0.0})
-    unseen = impact_of(velocity_in_m_per_s=Quantity(-0.265, 5e-6), velocity_out_m_per_s=NotSeen("no release"))
-    assert _shares(quiet, unseen) == pytest.approx({"velocity_in_m_per_s": 0.64})
-    certain = impact_of(velocity_in_m_per_s=Quantity(-0.265, 0.0), velocity_out_m_per_s=NotSeen("no release"))
-    assert _shares(quiet, certain) == {}
+    into, out = Quantity(-0.265, 5e-6), Quantity(0.26, 8e-6)
+    assert _shares(quiet, (into, out)) == pytest.approx({"velocity_in_m_per_s": 0.64, "velocity_out_m_per_s": 0.0})
+    assert _shares(quiet, (into, Quantity(0.26, 0.0))) == pytest.approx({"velocity_in_m_per_s": 0.64})
 
 
 def test_the_impulse_of_the_pulse_scatters_as_its_uncertainty_says_in_a_building() -> None:

@@ -126,6 +126,12 @@ class Recording:
                 return index
         return None
 
+    def counts_of(self, role: Role) -> NDArray[np.int16]:
+        """Return the counts, shape (samples,), of the channel with this role, which the recording must have."""
+        column = self.column(role)
+        assert column is not None
+        return self.counts[:, column]
+
 
 SETUP_CORRECTED = "setup_corrected"
 AIR = ("temperature_c", "pressure_pa", "humidity_percent")

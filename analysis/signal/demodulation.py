@@ -75,10 +75,10 @@ def demodulate(
 def _surveys(recording: Recording) -> tuple[Survey, Survey | None]:
     """Return the surveys of PD1 and of PD0 (None without PD0).  Raises AnalysisError if their cables are swapped."""
     rate, bits = recording.sample_rate_hz, recording.setup.digitizer_bits
-    moving = survey(_counts(recording, Role.MEASUREMENT), rate, bits, "measurement channel")
+    moving = survey(recording.counts_of(Role.MEASUREMENT), rate, bits, "measurement channel")
     if recording.column(Role.REFERENCE) is None:
         return moving, None
-    rest = survey(_counts(recording, Role.REFERENCE), rate, bits, "reference channel")
+    rest = survey(recording.counts_of(Role.REFERENCE), rate, bits, "reference channel")
     moved = swapped_cables_span_hz(moving, rest)
     if moved is not None:
         raise AnalysisError(
@@ -88,17 +88,11 @@ def _surveys(recording: Recording) -> tuple[Survey, Survey | None]:
     return moving, rest
 
 
-def _counts(recording: Recording, role: Role) -> NDArray[np.int16]:
-    column = recording.column(role)
-    assert column is not None
-    return recording.counts[:, column]
-
-
 def _with_cross_talk_removed(recording: Recording, moving: Survey, rest: Survey | None) -> Recording | None:
     """Return the recording with PD1's cross-talk removed from PD0, and flagged; None if there is too little of it."""
     if rest is None or {CROSS_TALK_REMOVED, CROSS_TALK}.intersection(recording.flags):
         return None
-    pd0, pd1 = _counts(recording, Role.REFERENCE), _counts(recording, Role.MEASUREMENT)
+    pd0, pd1 = recording.counts_of(Role.REFERENCE), recording.counts_of(Role.MEASUREMENT)
     found = find_cross_talk(pd0, pd1, rest, moving, recording.sample_rate_hz)
     if found is None:
         return None

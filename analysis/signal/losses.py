@@ -64,20 +64,16 @@ def phase_jump_samples(moving: Track) -> list[int]:
 
 
 def find_losses(recording: Recording, rest_hz: float, pd1_jumps: Sequence[int] = ()) -> tuple[Gap, ...]:
-    """Return the losses found from both beats, without those already known as gaps.
+    """Return the losses found from both beats, without those already known as gaps; the recording has both channels.
 
     ``pd1_jumps`` are the stored samples near which PD1 jumps (``phase_jump_samples``); where PD0 does not jump, whole
     periods of PD0's beat may be missing.  Cost: some 10 ms per million samples, and 1 ms per loss.
     """
-    column = recording.column(Role.REFERENCE)
-    moving_column = recording.column(Role.MEASUREMENT)
-    if column is None or moving_column is None:
-        return ()
     turns = rest_hz / recording.sample_rate_hz
     block = _block_samples(turns)
     if block is None:
         return ()
-    reference, moving = recording.counts[:, column], recording.counts[:, moving_column]
+    reference, moving = recording.counts_of(Role.REFERENCE), recording.counts_of(Role.MEASUREMENT)
     turns, places = _jumps(reference, turns, block)
     known = np.array([gap.sample_start for gap in recording.gaps], dtype=np.int64)
     places = _merge_clusters([at for at in places if not known.size or np.abs(known - at).min() > 2 * block])

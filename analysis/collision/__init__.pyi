@@ -1,90 +1,55 @@
-from .effects import (
-    CATALOGUE,
-    MAX_EFFECTS,
-    NUISANCES,
-    WIDER_EFFECTS,
-    effect_named,
-    effects_named,
-    sensor_effects,
-    without_nuisances,
-)
-from .effects.kernel import TOUCHING, V, X, address, complex_address
-from .effects.row import Acts, Effect, Parameter, SensorInput
-from .laws.arguments import ARGUMENTS, Argument
-from .laws.curve import Basis, Curve, graded_basis, visited_range
-from .laws.forms import FORMS, Form
-from .laws.functions import FUNCTIONS
-from .laws.user_law import MAX_PARAMETERS, LawError, UserLaw, known_effect, law_from_table
-from .parameters import KERNEL_ORDER, PAPER, Collision, Floats, Infeasible, Variant
-from .solver.first_order import first_order_change, steps_per_sample
-from .solver.gear import simulate
-from .solver.general import Event, EventLog, Trajectory, averaged, solve
-from .solver.linearisation import LinearPath, linear_path
-from .solver.mechanical_effects import (
-    ActiveEffect,
-    FastestRates,
-    active_effects,
-    chain_matrix,
-    chain_rules,
-    direction,
-    fastest_rates,
-)
-from .solver.on_moving_frame import moved_by_frame
-
-__all__ = [
-    "ARGUMENTS",
-    "CATALOGUE",
-    "FORMS",
-    "FUNCTIONS",
-    "KERNEL_ORDER",
-    "MAX_EFFECTS",
-    "MAX_PARAMETERS",
-    "NUISANCES",
-    "PAPER",
-    "TOUCHING",
-    "WIDER_EFFECTS",
-    "ActiveEffect",
-    "Acts",
-    "Argument",
-    "Basis",
-    "Collision",
-    "Curve",
-    "Effect",
-    "Event",
-    "EventLog",
-    "FastestRates",
-    "Floats",
-    "Form",
-    "Infeasible",
-    "LawError",
-    "LinearPath",
-    "Parameter",
-    "SensorInput",
-    "Trajectory",
-    "UserLaw",
-    "V",
-    "Variant",
-    "X",
-    "active_effects",
-    "address",
-    "averaged",
-    "chain_matrix",
-    "chain_rules",
-    "complex_address",
-    "direction",
-    "effect_named",
-    "effects_named",
-    "fastest_rates",
-    "first_order_change",
-    "graded_basis",
-    "known_effect",
-    "law_from_table",
-    "linear_path",
-    "moved_by_frame",
-    "sensor_effects",
-    "simulate",
-    "solve",
-    "steps_per_sample",
-    "visited_range",
-    "without_nuisances",
-]
+from .effects import CATALOGUE as CATALOGUE
+from .effects import MAX_EFFECTS as MAX_EFFECTS
+from .effects import NUISANCES as NUISANCES
+from .effects import WIDER_EFFECTS as WIDER_EFFECTS
+from .effects import effect_named as effect_named
+from .effects import effects_named as effects_named
+from .effects import sensor_effects as sensor_effects
+from .effects import without_nuisances as without_nuisances
+from .effects.kernel import TOUCHING as TOUCHING
+from .effects.kernel import V as V
+from .effects.kernel import X as X
+from .effects.kernel import address as address
+from .effects.kernel import complex_address as complex_address
+from .effects.row import Acts as Acts
+from .effects.row import Effect as Effect
+from .effects.row import Parameter as Parameter
+from .effects.row import SensorInput as SensorInput
+from .laws.arguments import ARGUMENTS as ARGUMENTS
+from .laws.arguments import Argument as Argument
+from .laws.curve import Basis as Basis
+from .laws.curve import Curve as Curve
+from .laws.curve import graded_basis as graded_basis
+from .laws.curve import visited_range as visited_range
+from .laws.forms import FORMS as FORMS
+from .laws.forms import Form as Form
+from .laws.functions import FUNCTIONS as FUNCTIONS
+from .laws.user_law import MAX_PARAMETERS as MAX_PARAMETERS
+from .laws.user_law import LawError as LawError
+from .laws.user_law import UserLaw as UserLaw
+from .laws.user_law import known_effect as known_effect
+from .laws.user_law import law_from_table as law_from_table
+from .parameters import KERNEL_ORDER as KERNEL_ORDER
+from .parameters import PAPER as PAPER
+from .parameters import Collision as Collision
+from .parameters import Floats as Floats
+from .parameters import Infeasible as Infeasible
+from .parameters import Variant as Variant
+from .solver.first_order import first_order_change as first_order_change
+from .solver.first_order import steps_per_sample as steps_per_sample
+from .solver.gear import simulate as simulate
+from .solver.general import Event as Event
+from .solver.general import EventLog as EventLog
+from .solver.general import Trajectory as Trajectory
+from .solver.general import averaged as averaged
+from .solver.general import solve as solve
+from .solver.linearisation import LinearPath as LinearPath
+from .solver.linearisation import linear_path as linear_path
+from .solver.mechanical_effects import ActiveEffect as ActiveEffect
+from .solver.mechanical_effects import FastestRates as FastestRates
+from .solver.mechanical_effects import active_effects as active_effects
+from .solver.mechanical_effects import chain_matrix as chain_matrix
+from .solver.mechanical_effects import chain_rules as chain_rules
+from .solver.mechanical_effects import direction as direction
+from .solver.mechanical_effects import fastest_rates as fastest_rates
+from .solver.on_moving_frame import moved_by_frame as moved_by_frame

@@ -1,23 +1,16 @@
-from .four import add_product, add_products, four_of, four_zeros, put_four
-from .kernel_cache import cache_folder, use_kernel_cache, whole_program
-from .kernel_parts import by_address, cut, cut_integers, inlined, kernel, part
-from .two_threads import side_by_side, solve_triangle
-
-__all__ = [
-    "add_product",
-    "add_products",
-    "by_address",
-    "cache_folder",
-    "cut",
-    "cut_integers",
-    "four_of",
-    "four_zeros",
-    "inlined",
-    "kernel",
-    "part",
-    "put_four",
-    "side_by_side",
-    "solve_triangle",
-    "use_kernel_cache",
-    "whole_program",
-]
+from .four import add_product as add_product
+from .four import add_products as add_products
+from .four import four_of as four_of
+from .four import four_zeros as four_zeros
+from .four import put_four as put_four
+from .kernel_cache import cache_folder as cache_folder
+from .kernel_cache import use_kernel_cache as use_kernel_cache
+from .kernel_cache import whole_program as whole_program
+from .kernel_parts import by_address as by_address
+from .kernel_parts import cut as cut
+from .kernel_parts import cut_integers as cut_integers
+from .kernel_parts import inlined as inlined
+from .kernel_parts import kernel as kernel
+from .kernel_parts import part as part
+from .two_threads import side_by_side as side_by_side
+from .two_threads import solve_triangle as solve_triangle

@@ -1,43 +1,28 @@
-from .diagnosis_of_shots import diagnose
-from .evidence.identifiability import separation
-from .evidence.prediction_errors import evaluate_predictions
-from .findings.criteria import CRITERIA
-from .findings.model_file import ModelFileError, SavedModel, drift, effect_in_file, from_text, saved, to_text
-from .findings.result import Candidate, Diagnosis, Errors, FoundEffect, LearnedLaw, PredictionTest, Verdict
-from .findings.result_file import diagnosis_result, prediction_test_result
-from .findings.wording import in_words, prediction_words, remark_on
-from .findings.words import EQUIVALENT_EFFECTS
-from .search.competing_models import fitted_instead
-from .search.forward_selection import Trail, without
-from .verdict.indistinguishable import per_shot_cost
-
-__all__ = [
-    "CRITERIA",
-    "EQUIVALENT_EFFECTS",
-    "Candidate",
-    "Diagnosis",
-    "Errors",
-    "FoundEffect",
-    "LearnedLaw",
-    "ModelFileError",
-    "PredictionTest",
-    "SavedModel",
-    "Trail",
-    "Verdict",
-    "diagnose",
-    "diagnosis_result",
-    "drift",
-    "effect_in_file",
-    "evaluate_predictions",
-    "fitted_instead",
-    "from_text",
-    "in_words",
-    "per_shot_cost",
-    "prediction_test_result",
-    "prediction_words",
-    "remark_on",
-    "saved",
-    "separation",
-    "to_text",
-    "without",
-]
+from .diagnosis_of_shots import diagnose as diagnose
+from .evidence.identifiability import separation as separation
+from .evidence.prediction_errors import evaluate_predictions as evaluate_predictions
+from .findings.criteria import CRITERIA as CRITERIA
+from .findings.model_file import ModelFileError as ModelFileError
+from .findings.model_file import SavedModel as SavedModel
+from .findings.model_file import drift as drift
+from .findings.model_file import effect_in_file as effect_in_file
+from .findings.model_file import from_text as from_text
+from .findings.model_file import saved as saved
+from .findings.model_file import to_text as to_text
+from .findings.result import Candidate as Candidate
+from .findings.result import Diagnosis as Diagnosis
+from .findings.result import Errors as Errors
+from .findings.result import FoundEffect as FoundEffect
+from .findings.result import LearnedLaw as LearnedLaw
+from .findings.result import PredictionTest as PredictionTest
+from .findings.result import Verdict as Verdict
+from .findings.result_file import diagnosis_result as diagnosis_result
+from .findings.result_file import prediction_test_result as prediction_test_result
+from .findings.wording import in_words as in_words
+from .findings.wording import prediction_words as prediction_words
+from .findings.wording import remark_on as remark_on
+from .findings.words import EQUIVALENT_EFFECTS as EQUIVALENT_EFFECTS
+from .search.competing_models import fitted_instead as fitted_instead
+from .search.forward_selection import Trail as Trail
+from .search.forward_selection import without as without
+from .verdict.indistinguishable import per_shot_cost as per_shot_cost

@@ -1,45 +1,26 @@
-from .bandwidth import force_noise
-from .catalogue import GAIN_ERROR, LAWS, laws_named
-from .curves import DriveCurves, drive_curves
-from .driven_fit import (
-    MassCheck,
-    as_fit,
-    check_mass,
-    filtered_noise_n,
-    fit_accepted,
-    fit_driven,
-    prediction_residual_n,
-)
-from .law_screening import CandidateLaws, project_out, screen_laws
-from .regression import Regression, equations, least_squares, regress, rms
-from .repeatability import Repeatability, folds, repeatability_of
-from .stretch import Table, prepare
-
-__all__ = [
-    "GAIN_ERROR",
-    "LAWS",
-    "CandidateLaws",
-    "DriveCurves",
-    "MassCheck",
-    "Regression",
-    "Repeatability",
-    "Table",
-    "as_fit",
-    "check_mass",
-    "drive_curves",
-    "equations",
-    "filtered_noise_n",
-    "fit_accepted",
-    "fit_driven",
-    "folds",
-    "force_noise",
-    "laws_named",
-    "least_squares",
-    "prediction_residual_n",
-    "prepare",
-    "project_out",
-    "regress",
-    "repeatability_of",
-    "rms",
-    "screen_laws",
-]
+from .bandwidth import force_noise as force_noise
+from .catalogue import GAIN_ERROR as GAIN_ERROR
+from .catalogue import LAWS as LAWS
+from .catalogue import laws_named as laws_named
+from .curves import DriveCurves as DriveCurves
+from .curves import drive_curves as drive_curves
+from .driven_fit import MassCheck as MassCheck
+from .driven_fit import as_fit as as_fit
+from .driven_fit import check_mass as check_mass
+from .driven_fit import filtered_noise_n as filtered_noise_n
+from .driven_fit import fit_accepted as fit_accepted
+from .driven_fit import fit_driven as fit_driven
+from .driven_fit import prediction_residual_n as prediction_residual_n
+from .law_screening import CandidateLaws as CandidateLaws
+from .law_screening import project_out as project_out
+from .law_screening import screen_laws as screen_laws
+from .regression import Regression as Regression
+from .regression import equations as equations
+from .regression import least_squares as least_squares
+from .regression import regress as regress
+from .regression import rms as rms
+from .repeatability import Repeatability as Repeatability
+from .repeatability import folds as folds
+from .repeatability import repeatability_of as repeatability_of
+from .stretch import Table as Table
+from .stretch import prepare as prepare

@@ -1,34 +1,16 @@
-from .fit_time import FIT_SECONDS, FitTime, run_with_time_limit
-from .fitted_shot import (
-    ReadingsModel,
-    can_be_fitted,
-    fit_jointly,
-    fit_pending,
-    fit_shot,
-    read_together,
-    readings_model,
-    readings_model_result,
-    unfitted,
-    vibration_of,
-    with_fit_pending,
-)
-from .readings_from_fit import contact_cor, fitted_contact_cor
-
-__all__ = [
-    "FIT_SECONDS",
-    "FitTime",
-    "ReadingsModel",
-    "can_be_fitted",
-    "contact_cor",
-    "fit_jointly",
-    "fit_pending",
-    "fit_shot",
-    "fitted_contact_cor",
-    "read_together",
-    "readings_model",
-    "readings_model_result",
-    "run_with_time_limit",
-    "unfitted",
-    "vibration_of",
-    "with_fit_pending",
-]
+from .fit_time import FIT_SECONDS as FIT_SECONDS
+from .fit_time import FitTime as FitTime
+from .fit_time import run_with_time_limit as run_with_time_limit
+from .fitted_shot import ReadingsModel as ReadingsModel
+from .fitted_shot import can_be_fitted as can_be_fitted
+from .fitted_shot import fit_jointly as fit_jointly
+from .fitted_shot import fit_pending as fit_pending
+from .fitted_shot import fit_shot as fit_shot
+from .fitted_shot import read_together as read_together
+from .fitted_shot import readings_model as readings_model
+from .fitted_shot import readings_model_result as readings_model_result
+from .fitted_shot import unfitted as unfitted
+from .fitted_shot import vibration_of as vibration_of
+from .fitted_shot import with_fit_pending as with_fit_pending
+from .readings_from_fit import contact_cor as contact_cor
+from .readings_from_fit import fitted_contact_cor as fitted_contact_cor

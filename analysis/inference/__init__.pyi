@@ -1,71 +1,47 @@
-from .fit.added_effect import joined, refit, with_both_effects
-from .fit.as_fit import as_fit, effect_parameters
-from .fit.first_fit import base_fit, first_fit
-from .fit.first_guesses import first_guesses
-from .fit.least_squares import free_to_move
-from .fit.problem import Fitted, Linearised, Problem
-from .fit.profile import with_profile_std
-from .fit.relinearised_frame import with_frame_relinearised
-from .fit.shot_fit import fit_shots
-from .joint.joint_data import JointData, frame_motions_of, joint_data, site_under
-from .model.arrow import Arrow, orthonormal
-from .model.base import OWN_NAMES, PLATE_NAMES, SearchStart, base_named, start_from_fit
-from .model.effective_parameters import Point, to_physical
-from .model.free_parameters import TrialEffect, trial_effect, trial_effects, trials_of
-from .model.normal_matrix import NormalMatrix
-from .model.samples import FINE_RATE_HZ, RATE_HZ, Samples, averaged_shots
-from .noise.floor import Floor, white_floor
-from .noise.per_shot_acceleration import per_shot_nuisances
-from .noise.site import STILL_FRAME, Site
-from .noise.sway import on_site, with_plates
-from .screen.screening import Score, distinct_starts, opposite
-
-__all__ = [
-    "FINE_RATE_HZ",
-    "OWN_NAMES",
-    "PLATE_NAMES",
-    "RATE_HZ",
-    "STILL_FRAME",
-    "Arrow",
-    "Fitted",
-    "Floor",
-    "JointData",
-    "Linearised",
-    "NormalMatrix",
-    "Point",
-    "Problem",
-    "Samples",
-    "Score",
-    "SearchStart",
-    "Site",
-    "TrialEffect",
-    "as_fit",
-    "averaged_shots",
-    "base_fit",
-    "base_named",
-    "distinct_starts",
-    "effect_parameters",
-    "first_fit",
-    "first_guesses",
-    "fit_shots",
-    "frame_motions_of",
-    "free_to_move",
-    "joined",
-    "joint_data",
-    "on_site",
-    "opposite",
-    "orthonormal",
-    "per_shot_nuisances",
-    "refit",
-    "site_under",
-    "start_from_fit",
-    "to_physical",
-    "trial_effect",
-    "trial_effects",
-    "trials_of",
-    "white_floor",
-    "with_both_effects",
-    "with_frame_relinearised",
-    "with_plates",
-    "with_profile_std",
-]
+from .fit.added_effect import joined as joined
+from .fit.added_effect import refit as refit
+from .fit.added_effect import with_both_effects as with_both_effects
+from .fit.as_fit import as_fit as as_fit
+from .fit.as_fit import effect_parameters as effect_parameters
+from .fit.first_fit import base_fit as base_fit
+from .fit.first_fit import first_fit as first_fit
+from .fit.first_guesses import first_guesses as first_guesses
+from .fit.least_squares import free_to_move as free_to_move
+from .fit.problem import Fitted as Fitted
+from .fit.problem import Linearised as Linearised
+from .fit.problem import Problem as Problem
+from .fit.profile import with_profile_std as with_profile_std
+from .fit.relinearised_frame import with_frame_relinearised as with_frame_relinearised
+from .fit.shot_fit import fit_shots as fit_shots
+from .joint.joint_data import JointData as JointData
+from .joint.joint_data import frame_motions_of as frame_motions_of
+from .joint.joint_data import joint_data as joint_data
+from .joint.joint_data import site_under as site_under
+from .model.arrow import Arrow as Arrow
+from .model.arrow import orthonormal as orthonormal
+from .model.base import OWN_NAMES as OWN_NAMES
+from .model.base import PLATE_NAMES as PLATE_NAMES
+from .model.base import SearchStart as SearchStart
+from .model.base import base_named as base_named
+from .model.base import start_from_fit as start_from_fit
+from .model.effective_parameters import Point as Point
+from .model.effective_parameters import to_physical as to_physical
+from .model.free_parameters import TrialEffect as TrialEffect
+from .model.free_parameters import trial_effect as trial_effect
+from .model.free_parameters import trial_effects as trial_effects
+from .model.free_parameters import trials_of as trials_of
+from .model.normal_matrix import NormalMatrix as NormalMatrix
+from .model.samples import FINE_RATE_HZ as FINE_RATE_HZ
+from .model.samples import RATE_HZ as RATE_HZ
+from .model.samples import Samples as Samples
+from .model.samples import averaged_shots as averaged_shots
+from .noise.floor import Floor as Floor
+from .noise.floor import white_floor as white_floor
+from .noise.per_shot_acceleration import per_shot_nuisances as per_shot_nuisances
+from .noise.site import STILL_FRAME as STILL_FRAME
+from .noise.site import Site as Site
+from .noise.sway import on_site as on_site
+from .noise.sway import with_plates as with_plates
+from .screen.screening import Score as Score
+from .screen.screening import distinct_starts as distinct_starts
+from .screen.screening import opposite as opposite

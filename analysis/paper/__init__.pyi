@@ -1,17 +1,12 @@
-from .paper import PaperRow, Reproduction, Status, load, paper_rig, printed_value, reproduce, to_result
-from .paper_figures import Curve, Figure, Row, figures
-
-__all__ = [
-    "Curve",
-    "Figure",
-    "PaperRow",
-    "Reproduction",
-    "Row",
-    "Status",
-    "figures",
-    "load",
-    "paper_rig",
-    "printed_value",
-    "reproduce",
-    "to_result",
-]
+from .paper import PaperRow as PaperRow
+from .paper import Reproduction as Reproduction
+from .paper import Status as Status
+from .paper import load as load
+from .paper import paper_rig as paper_rig
+from .paper import printed_value as printed_value
+from .paper import reproduce as reproduce
+from .paper import to_result as to_result
+from .paper_figures import Curve as Curve
+from .paper_figures import Figure as Figure
+from .paper_figures import Row as Row
+from .paper_figures import figures as figures

@@ -1,32 +1,15 @@
-from .model_comparison import refit_diagnosed
-from .next_shot import (
-    ADDED_KG,
-    MAX_SHOTS,
-    SPEEDS_M_PER_S,
-    NextShot,
-    Reach,
-    contact_s,
-    first_indistinguishable,
-    mass_without_weights_kg,
-    shots_in_words,
-)
-from .precision import plan_precision
-from .shot_log import PlannedStep, PlanningState, next_step, plan_next
-
-__all__ = [
-    "ADDED_KG",
-    "MAX_SHOTS",
-    "SPEEDS_M_PER_S",
-    "NextShot",
-    "PlannedStep",
-    "PlanningState",
-    "Reach",
-    "contact_s",
-    "first_indistinguishable",
-    "mass_without_weights_kg",
-    "next_step",
-    "plan_next",
-    "plan_precision",
-    "refit_diagnosed",
-    "shots_in_words",
-]
+from .model_comparison import refit_diagnosed as refit_diagnosed
+from .next_shot import ADDED_KG as ADDED_KG
+from .next_shot import MAX_SHOTS as MAX_SHOTS
+from .next_shot import SPEEDS_M_PER_S as SPEEDS_M_PER_S
+from .next_shot import NextShot as NextShot
+from .next_shot import Reach as Reach
+from .next_shot import contact_s as contact_s
+from .next_shot import first_indistinguishable as first_indistinguishable
+from .next_shot import mass_without_weights_kg as mass_without_weights_kg
+from .next_shot import shots_in_words as shots_in_words
+from .precision import plan_precision as plan_precision
+from .shot_log import PlannedStep as PlannedStep
+from .shot_log import PlanningState as PlanningState
+from .shot_log import next_step as next_step
+from .shot_log import plan_next as plan_next

@@ -1,39 +1,22 @@
-from .pulse import SLOPE_SPAN, SMOOTH_HZ
-from .read import NoImpact, read_frame_motion, read_impact
-from .record_checks import check_collision, describe_motion, describe_reversal
-from .restricted_likelihood import (
-    Bands,
-    Curvature,
-    Likelihood,
-    RestrictedLikelihood,
-    ShotResidual,
-    chain_precision,
-    mixture_covariance,
-    points_about,
-)
-from .site import CENTRES_HZ, CRITERIA_M_PER_S, MIN_S, PlannedShot, SiteFloor, read_site
-
-__all__ = [
-    "CENTRES_HZ",
-    "CRITERIA_M_PER_S",
-    "MIN_S",
-    "SLOPE_SPAN",
-    "SMOOTH_HZ",
-    "Bands",
-    "Curvature",
-    "Likelihood",
-    "NoImpact",
-    "PlannedShot",
-    "RestrictedLikelihood",
-    "ShotResidual",
-    "SiteFloor",
-    "chain_precision",
-    "check_collision",
-    "describe_motion",
-    "describe_reversal",
-    "mixture_covariance",
-    "points_about",
-    "read_frame_motion",
-    "read_impact",
-    "read_site",
-]
+from .pulse import SLOPE_SPAN as SLOPE_SPAN
+from .pulse import SMOOTH_HZ as SMOOTH_HZ
+from .read import NoImpact as NoImpact
+from .read import read_frame_motion as read_frame_motion
+from .read import read_impact as read_impact
+from .record_checks import check_collision as check_collision
+from .record_checks import describe_motion as describe_motion
+from .record_checks import describe_reversal as describe_reversal
+from .restricted_likelihood import Bands as Bands
+from .restricted_likelihood import Curvature as Curvature
+from .restricted_likelihood import Likelihood as Likelihood
+from .restricted_likelihood import RestrictedLikelihood as RestrictedLikelihood
+from .restricted_likelihood import ShotResidual as ShotResidual
+from .restricted_likelihood import chain_precision as chain_precision
+from .restricted_likelihood import mixture_covariance as mixture_covariance
+from .restricted_likelihood import points_about as points_about
+from .site import CENTRES_HZ as CENTRES_HZ
+from .site import CRITERIA_M_PER_S as CRITERIA_M_PER_S
+from .site import MIN_S as MIN_S
+from .site import PlannedShot as PlannedShot
+from .site import SiteFloor as SiteFloor
+from .site import read_site as read_site

@@ -1,124 +1,74 @@
-from . import plate
-from .air import STANDARD_AIR, refractive_index, wavelength_in_air_m
-from .consistency import (
-    FIT_FLAGS,
-    NOT_CONVERGED,
-    NUMBERS_AFFECTED,
-    PLATE_RINGS,
-    fit_flags,
-    flags_affecting,
-    reading_flags,
-)
-from .fit import Fit, Overlay, ShotFit, Wander, count_plates, names_on_plate
-from .impact import Disturbance, Impact, KineticCor, VibrationLine, VibrationSpectrum
-from .motion import BeatQuality, Floats, Motion
-from .plate import Disc, Number, PlateTolerance, compliance_of, corrected_slope, stated_stiffness_n_per_m
-from .plates_of_set import describe_plates, describe_weights, plate_count, plate_numbers, why_no_joint_fit
-from .quantity import NotSeen, Quantity, Reading, display_unit, power_of_second, split_unit, to_json
-from .recording import (
-    AIR,
-    DEFAULT_WAVELENGTH_AIR_M,
-    HP_5518A_VACUUM_M,
-    SETUP_CORRECTED,
-    SETUP_KEYS,
-    Air,
-    Channel,
-    Gap,
-    Plate,
-    Recording,
-    Role,
-    Setup,
-    corrected_setup,
-)
-from .sample_rate_error import DELIVERED_KEY, RATE_CONTRADICTED, fit_with_rate_error, rate_error, with_rate_error
-from .shot import (
-    MAX_NOTE_LENGTH,
-    PLOT_UNITS,
-    AnalysisError,
-    AnalysisSettings,
-    Cancelled,
-    PlotNote,
-    Progress,
-    Shot,
-    Stop,
-    fitted_shots,
-    motions_of,
-)
-from .version import program_version, version_and_digest
-
-__all__ = [
-    "AIR",
-    "DEFAULT_WAVELENGTH_AIR_M",
-    "DELIVERED_KEY",
-    "FIT_FLAGS",
-    "HP_5518A_VACUUM_M",
-    "MAX_NOTE_LENGTH",
-    "NOT_CONVERGED",
-    "NUMBERS_AFFECTED",
-    "PLATE_RINGS",
-    "PLOT_UNITS",
-    "RATE_CONTRADICTED",
-    "SETUP_CORRECTED",
-    "SETUP_KEYS",
-    "STANDARD_AIR",
-    "Air",
-    "AnalysisError",
-    "AnalysisSettings",
-    "BeatQuality",
-    "Cancelled",
-    "Channel",
-    "Disc",
-    "Disturbance",
-    "Fit",
-    "Floats",
-    "Gap",
-    "Impact",
-    "KineticCor",
-    "Motion",
-    "NotSeen",
-    "Number",
-    "Overlay",
-    "Plate",
-    "PlateTolerance",
-    "PlotNote",
-    "Progress",
-    "Quantity",
-    "Reading",
-    "Recording",
-    "Role",
-    "Setup",
-    "Shot",
-    "ShotFit",
-    "Stop",
-    "VibrationLine",
-    "VibrationSpectrum",
-    "Wander",
-    "compliance_of",
-    "corrected_setup",
-    "corrected_slope",
-    "count_plates",
-    "describe_plates",
-    "describe_weights",
-    "display_unit",
-    "fit_flags",
-    "fit_with_rate_error",
-    "fitted_shots",
-    "flags_affecting",
-    "motions_of",
-    "names_on_plate",
-    "plate",
-    "plate_count",
-    "plate_numbers",
-    "power_of_second",
-    "program_version",
-    "rate_error",
-    "reading_flags",
-    "refractive_index",
-    "split_unit",
-    "stated_stiffness_n_per_m",
-    "to_json",
-    "version_and_digest",
-    "wavelength_in_air_m",
-    "why_no_joint_fit",
-    "with_rate_error",
-]
+from . import plate as plate
+from .air import STANDARD_AIR as STANDARD_AIR
+from .air import refractive_index as refractive_index
+from .air import wavelength_in_air_m as wavelength_in_air_m
+from .consistency import FIT_FLAGS as FIT_FLAGS
+from .consistency import NOT_CONVERGED as NOT_CONVERGED
+from .consistency import NUMBERS_AFFECTED as NUMBERS_AFFECTED
+from .consistency import PLATE_RINGS as PLATE_RINGS
+from .consistency import fit_flags as fit_flags
+from .consistency import flags_affecting as flags_affecting
+from .consistency import reading_flags as reading_flags
+from .fit import Fit as Fit
+from .fit import Overlay as Overlay
+from .fit import ShotFit as ShotFit
+from .fit import Wander as Wander
+from .fit import count_plates as count_plates
+from .fit import names_on_plate as names_on_plate
+from .impact import Disturbance as Disturbance
+from .impact import Impact as Impact
+from .impact import KineticCor as KineticCor
+from .impact import VibrationLine as VibrationLine
+from .impact import VibrationSpectrum as VibrationSpectrum
+from .motion import BeatQuality as BeatQuality
+from .motion import Floats as Floats
+from .motion import Motion as Motion
+from .plate import Disc as Disc
+from .plate import Number as Number
+from .plate import PlateTolerance as PlateTolerance
+from .plate import compliance_of as compliance_of
+from .plate import corrected_slope as corrected_slope
+from .plate import stated_stiffness_n_per_m as stated_stiffness_n_per_m
+from .plates_of_set import describe_plates as describe_plates
+from .plates_of_set import describe_weights as describe_weights
+from .plates_of_set import plate_count as plate_count
+from .plates_of_set import plate_numbers as plate_numbers
+from .plates_of_set import why_no_joint_fit as why_no_joint_fit
+from .quantity import NotSeen as NotSeen
+from .quantity import Quantity as Quantity
+from .quantity import Reading as Reading
+from .quantity import display_unit as display_unit
+from .quantity import power_of_second as power_of_second
+from .quantity import split_unit as split_unit
+from .quantity import to_json as to_json
+from .recording import AIR as AIR
+from .recording import DEFAULT_WAVELENGTH_AIR_M as DEFAULT_WAVELENGTH_AIR_M
+from .recording import HP_5518A_VACUUM_M as HP_5518A_VACUUM_M
+from .recording import SETUP_CORRECTED as SETUP_CORRECTED
+from .recording import SETUP_KEYS as SETUP_KEYS
+from .recording import Air as Air
+from .recording import Channel as Channel
+from .recording import Gap as Gap
+from .recording import Plate as Plate
+from .recording import Recording as Recording
+from .recording import Role as Role
+from .recording import Setup as Setup
+from .recording import corrected_setup as corrected_setup
+from .sample_rate_error import DELIVERED_KEY as DELIVERED_KEY
+from .sample_rate_error import RATE_CONTRADICTED as RATE_CONTRADICTED
+from .sample_rate_error import fit_with_rate_error as fit_with_rate_error
+from .sample_rate_error import rate_error as rate_error
+from .sample_rate_error import with_rate_error as with_rate_error
+from .shot import MAX_NOTE_LENGTH as MAX_NOTE_LENGTH
+from .shot import PLOT_UNITS as PLOT_UNITS
+from .shot import AnalysisError as AnalysisError
+from .shot import AnalysisSettings as AnalysisSettings
+from .shot import Cancelled as Cancelled
+from .shot import PlotNote as PlotNote
+from .shot import Progress as Progress
+from .shot import Shot as Shot
+from .shot import Stop as Stop
+from .shot import fitted_shots as fitted_shots
+from .shot import motions_of as motions_of
+from .version import program_version as program_version
+from .version import version_and_digest as version_and_digest

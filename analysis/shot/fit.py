@@ -34,14 +34,13 @@ class Overlay:
     """The fitted model on the motion's own time grid and through the motion's own filters; arrays of shape (n,).
 
     ``displacement_m`` includes the fitted offset, so that it overlays the measured displacement.  ``gap_m`` is
-    x_b - x_p (negative: overlap); ``deflection_m`` is the plate's displacement from rest.
+    x_b - x_p (negative: overlap).
     """
 
     time_s: Floats
     displacement_m: Floats
     velocity_m_per_s: Floats
     force_n: Floats
-    deflection_m: Floats
     gap_m: Floats
     events_s: tuple[tuple[str, float], ...] = ()  # ("touch" | "release", time), in order
 

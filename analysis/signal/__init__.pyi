@@ -1,22 +1,13 @@
-from .cross_talk import CROSS_TALK_LEFT
-from .demodulation import demodulate
-from .filters import MAX_BANDWIDTH_SHARE, derivative_filters, derivative_gains, derivatives, first_run, stretches
-from .noise import MIN_NOISE_M, white_noise
-from .record import motion_from_displacement
-from .stream import LiveChunk, LiveDemodulator
-
-__all__ = [
-    "CROSS_TALK_LEFT",
-    "MAX_BANDWIDTH_SHARE",
-    "MIN_NOISE_M",
-    "LiveChunk",
-    "LiveDemodulator",
-    "demodulate",
-    "derivative_filters",
-    "derivative_gains",
-    "derivatives",
-    "first_run",
-    "motion_from_displacement",
-    "stretches",
-    "white_noise",
-]
+from .cross_talk import CROSS_TALK_LEFT as CROSS_TALK_LEFT
+from .demodulation import demodulate as demodulate
+from .filters import MAX_BANDWIDTH_SHARE as MAX_BANDWIDTH_SHARE
+from .filters import derivative_filters as derivative_filters
+from .filters import derivative_gains as derivative_gains
+from .filters import derivatives as derivatives
+from .filters import first_run as first_run
+from .filters import stretches as stretches
+from .noise import MIN_NOISE_M as MIN_NOISE_M
+from .noise import white_noise as white_noise
+from .record import motion_from_displacement as motion_from_displacement
+from .stream import LiveChunk as LiveChunk
+from .stream import LiveDemodulator as LiveDemodulator

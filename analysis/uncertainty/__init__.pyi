@@ -1,59 +1,31 @@
-from .budget_sources import BudgetRow
-from .gum_budget import (
-    COLUMNS,
-    COVERAGE_FACTOR,
-    Budget,
-    QuantityBudget,
-    budget,
-    budget_result,
-    budget_rows,
-    combined_uncertainties,
-    with_combined_uncertainty,
-)
-from .noise_band import NoiseBand, diagnosis_band, noise_band_of_motion, noise_band_of_shot, path_wander, verdict_band
-from .numbers import (
-    Group,
-    Origin,
-    ResultNumber,
-    collision_numbers,
-    number_with_key,
-    read_number,
-    series_numbers,
-    shown_numbers,
-    with_unit,
-)
-from .series_statistics import Series, Summary, Trend, series, series_result, series_rows
-
-__all__ = [
-    "COLUMNS",
-    "COVERAGE_FACTOR",
-    "Budget",
-    "BudgetRow",
-    "Group",
-    "NoiseBand",
-    "Origin",
-    "QuantityBudget",
-    "ResultNumber",
-    "Series",
-    "Summary",
-    "Trend",
-    "budget",
-    "budget_result",
-    "budget_rows",
-    "collision_numbers",
-    "combined_uncertainties",
-    "diagnosis_band",
-    "noise_band_of_motion",
-    "noise_band_of_shot",
-    "number_with_key",
-    "path_wander",
-    "read_number",
-    "series",
-    "series_numbers",
-    "series_result",
-    "series_rows",
-    "shown_numbers",
-    "verdict_band",
-    "with_combined_uncertainty",
-    "with_unit",
-]
+from .budget_sources import BudgetRow as BudgetRow
+from .gum_budget import COLUMNS as COLUMNS
+from .gum_budget import COVERAGE_FACTOR as COVERAGE_FACTOR
+from .gum_budget import Budget as Budget
+from .gum_budget import QuantityBudget as QuantityBudget
+from .gum_budget import budget as budget
+from .gum_budget import budget_result as budget_result
+from .gum_budget import budget_rows as budget_rows
+from .gum_budget import combined_uncertainties as combined_uncertainties
+from .gum_budget import with_combined_uncertainty as with_combined_uncertainty
+from .noise_band import NoiseBand as NoiseBand
+from .noise_band import diagnosis_band as diagnosis_band
+from .noise_band import noise_band_of_motion as noise_band_of_motion
+from .noise_band import noise_band_of_shot as noise_band_of_shot
+from .noise_band import path_wander as path_wander
+from .noise_band import verdict_band as verdict_band
+from .numbers import Group as Group
+from .numbers import Origin as Origin
+from .numbers import ResultNumber as ResultNumber
+from .numbers import collision_numbers as collision_numbers
+from .numbers import number_with_key as number_with_key
+from .numbers import read_number as read_number
+from .numbers import series_numbers as series_numbers
+from .numbers import shown_numbers as shown_numbers
+from .numbers import with_unit as with_unit
+from .series_statistics import Series as Series
+from .series_statistics import Summary as Summary
+from .series_statistics import Trend as Trend
+from .series_statistics import series as series
+from .series_statistics import series_result as series_result
+from .series_statistics import series_rows as series_rows

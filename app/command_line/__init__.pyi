@@ -1,9 +1,4 @@
-from .cli import main, window
-from .machine import TRY_WINDOW, try_window
-
-__all__ = [
-    "TRY_WINDOW",
-    "main",
-    "try_window",
-    "window",
-]
+from .cli import main as main
+from .cli import window as window
+from .machine import TRY_WINDOW as TRY_WINDOW
+from .machine import try_window as try_window

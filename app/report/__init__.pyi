@@ -1,46 +1,25 @@
-from .exports import (
-    export,
-    export_hdf5,
-    export_laws,
-    export_prediction,
-    law_columns,
-    motion_file_names,
-    shot_columns,
-    shot_row,
-    write_motion,
-    write_table,
-)
-from .number_tables import PAPER_SECTIONS, fit_lines, paper_cells, readable_unit, shown_number, summary
-from .page import report_of
-from .pdf import document_of, write_pdf
-from .provenance import program_words
-from .session_section import shared_stds
-from .shot_figures import contact_span_ms, deflection_of, grid_ms, time_zero
-
-__all__ = [
-    "PAPER_SECTIONS",
-    "contact_span_ms",
-    "deflection_of",
-    "document_of",
-    "export",
-    "export_hdf5",
-    "export_laws",
-    "export_prediction",
-    "fit_lines",
-    "grid_ms",
-    "law_columns",
-    "motion_file_names",
-    "paper_cells",
-    "program_words",
-    "readable_unit",
-    "report_of",
-    "shared_stds",
-    "shot_columns",
-    "shot_row",
-    "shown_number",
-    "summary",
-    "time_zero",
-    "write_motion",
-    "write_pdf",
-    "write_table",
-]
+from .exports import export as export
+from .exports import export_hdf5 as export_hdf5
+from .exports import export_laws as export_laws
+from .exports import export_prediction as export_prediction
+from .exports import law_columns as law_columns
+from .exports import motion_file_names as motion_file_names
+from .exports import shot_columns as shot_columns
+from .exports import shot_row as shot_row
+from .exports import write_motion as write_motion
+from .exports import write_table as write_table
+from .number_tables import PAPER_SECTIONS as PAPER_SECTIONS
+from .number_tables import fit_lines as fit_lines
+from .number_tables import paper_cells as paper_cells
+from .number_tables import readable_unit as readable_unit
+from .number_tables import shown_number as shown_number
+from .number_tables import summary as summary
+from .page import report_of as report_of
+from .pdf import document_of as document_of
+from .pdf import write_pdf as write_pdf
+from .provenance import program_words as program_words
+from .session_section import shared_stds as shared_stds
+from .shot_figures import contact_span_ms as contact_span_ms
+from .shot_figures import deflection_of as deflection_of
+from .shot_figures import grid_ms as grid_ms
+from .shot_figures import time_zero as time_zero

@@ -1,75 +1,53 @@
-from .candidate_residuals import CandidateResidual, by_evidence
-from .channel_guess import ChannelKind, ChannelSummary, is_swapped, proposed_roles, summarise_channels
-from .entry import Entry
-from .jobs import Event, EventKind, Job, Jobs, Saver, ShotJob
-from .kernels import Kernels, Stage, complete, prepare, prepare_first_shot, warm_up_analysis
-from .load import analysed, cause_of, load_and_analyse, raw_of, unanalysed
-from .log import NAME, ProgramLog, note
-from .model_in_use import OwnLaws, drift_words, load_model, predicted, significant_drift, write_model
-from .next_shots import PLAN, NextShots, planned_record, planned_setup
-from .result_cache import ResultCache
-from .rig import Open, Rig
-from .session import Session
-from .session_files import is_session, last_session
-from .settings import FIELDS
-from .settings_store import SettingsStore
-from .spectra import BEATS, Spectra, spectra_of
-from .spool import Spool
-from .verdict_basis import Diagnosed, verdict_of
-from .workbench import Workbench
-
-__all__ = [
-    "BEATS",
-    "FIELDS",
-    "NAME",
-    "PLAN",
-    "CandidateResidual",
-    "ChannelKind",
-    "ChannelSummary",
-    "Diagnosed",
-    "Entry",
-    "Event",
-    "EventKind",
-    "Job",
-    "Jobs",
-    "Kernels",
-    "NextShots",
-    "Open",
-    "OwnLaws",
-    "ProgramLog",
-    "ResultCache",
-    "Rig",
-    "Saver",
-    "Session",
-    "SettingsStore",
-    "ShotJob",
-    "Spectra",
-    "Spool",
-    "Stage",
-    "Workbench",
-    "analysed",
-    "by_evidence",
-    "cause_of",
-    "complete",
-    "drift_words",
-    "is_session",
-    "is_swapped",
-    "last_session",
-    "load_and_analyse",
-    "load_model",
-    "note",
-    "planned_record",
-    "planned_setup",
-    "predicted",
-    "prepare",
-    "prepare_first_shot",
-    "proposed_roles",
-    "raw_of",
-    "significant_drift",
-    "spectra_of",
-    "summarise_channels",
-    "unanalysed",
-    "verdict_of",
-    "warm_up_analysis",
-    "write_model",
-]
+from .candidate_residuals import CandidateResidual as CandidateResidual
+from .candidate_residuals import by_evidence as by_evidence
+from .channel_guess import ChannelKind as ChannelKind
+from .channel_guess import ChannelSummary as ChannelSummary
+from .channel_guess import is_swapped as is_swapped
+from .channel_guess import proposed_roles as proposed_roles
+from .channel_guess import summarise_channels as summarise_channels
+from .entry import Entry as Entry
+from .jobs import Event as Event
+from .jobs import EventKind as EventKind
+from .jobs import Job as Job
+from .jobs import Jobs as Jobs
+from .jobs import Saver as Saver
+from .jobs import ShotJob as ShotJob
+from .kernels import Kernels as Kernels
+from .kernels import Stage as Stage
+from .kernels import complete as complete
+from .kernels import prepare as prepare
+from .kernels import prepare_first_shot as prepare_first_shot
+from .kernels import warm_up_analysis as warm_up_analysis
+from .load import analysed as analysed
+from .load import cause_of as cause_of
+from .load import load_and_analyse as load_and_analyse
+from .load import raw_of as raw_of
+from .load import unanalysed as unanalysed
+from .log import NAME as NAME
+from .log import ProgramLog as ProgramLog
+from .log import note as note
+from .model_in_use import OwnLaws as OwnLaws
+from .model_in_use import drift_words as drift_words
+from .model_in_use import load_model as load_model
+from .model_in_use import predicted as predicted
+from .model_in_use import significant_drift as significant_drift
+from .model_in_use import write_model as write_model
+from .next_shots import PLAN as PLAN
+from .next_shots import NextShots as NextShots
+from .next_shots import planned_record as planned_record
+from .next_shots import planned_setup as planned_setup
+from .result_cache import ResultCache as ResultCache
+from .rig import Open as Open
+from .rig import Rig as Rig
+from .session import Session as Session
+from .session_files import is_session as is_session
+from .session_files import last_session as last_session
+from .settings import FIELDS as FIELDS
+from .settings_store import SettingsStore as SettingsStore
+from .spectra import BEATS as BEATS
+from .spectra import Spectra as Spectra
+from .spectra import spectra_of as spectra_of
+from .spool import Spool as Spool
+from .verdict_basis import Diagnosed as Diagnosed
+from .verdict_basis import verdict_of as verdict_of
+from .workbench import Workbench as Workbench

@@ -1,10 +1,4 @@
-from .controls.theme import LIGHT
-from .main_window import run
-from .plots.save import save_png, save_svg
-
-__all__ = [
-    "LIGHT",
-    "run",
-    "save_png",
-    "save_svg",
-]
+from .controls.theme import LIGHT as LIGHT
+from .main_window import run as run
+from .plots.save import save_png as save_png
+from .plots.save import save_svg as save_svg

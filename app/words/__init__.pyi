@@ -1,75 +1,39 @@
-from .flags import MILD_FLAGS, by_severity, flag_name, flag_words, flags_in_short
-from .markup import EscapingStream, Markup, cell, joined, lines, table, tag
-from .model_texts import (
-    DASH,
-    OUTDATED,
-    VERDICTS,
-    base_words,
-    counted,
-    listed,
-    model_in_words,
-    or_dash,
-    prefix_for,
-    repeatability_words,
-    verdict_words,
-)
-from .wording import (
-    COMBINED,
-    NOISE_ONLY,
-    cached_words,
-    concise_text,
-    duration,
-    effect_numbers,
-    localised_number,
-    localised_text,
-    number,
-    reading_tooltip,
-    short_name,
-    size_words,
-    typed_number,
-    typed_numbers,
-    value_text,
-    with_prefix,
-)
-
-__all__ = [
-    "COMBINED",
-    "DASH",
-    "MILD_FLAGS",
-    "NOISE_ONLY",
-    "OUTDATED",
-    "VERDICTS",
-    "EscapingStream",
-    "Markup",
-    "base_words",
-    "by_severity",
-    "cached_words",
-    "cell",
-    "concise_text",
-    "counted",
-    "duration",
-    "effect_numbers",
-    "flag_name",
-    "flag_words",
-    "flags_in_short",
-    "joined",
-    "lines",
-    "listed",
-    "localised_number",
-    "localised_text",
-    "model_in_words",
-    "number",
-    "or_dash",
-    "prefix_for",
-    "reading_tooltip",
-    "repeatability_words",
-    "short_name",
-    "size_words",
-    "table",
-    "tag",
-    "typed_number",
-    "typed_numbers",
-    "value_text",
-    "verdict_words",
-    "with_prefix",
-]
+from .flags import MILD_FLAGS as MILD_FLAGS
+from .flags import by_severity as by_severity
+from .flags import flag_name as flag_name
+from .flags import flag_words as flag_words
+from .flags import flags_in_short as flags_in_short
+from .markup import EscapingStream as EscapingStream
+from .markup import Markup as Markup
+from .markup import cell as cell
+from .markup import joined as joined
+from .markup import lines as lines
+from .markup import table as table
+from .markup import tag as tag
+from .model_texts import DASH as DASH
+from .model_texts import OUTDATED as OUTDATED
+from .model_texts import VERDICTS as VERDICTS
+from .model_texts import base_words as base_words
+from .model_texts import counted as counted
+from .model_texts import listed as listed
+from .model_texts import model_in_words as model_in_words
+from .model_texts import or_dash as or_dash
+from .model_texts import prefix_for as prefix_for
+from .model_texts import repeatability_words as repeatability_words
+from .model_texts import verdict_words as verdict_words
+from .wording import COMBINED as COMBINED
+from .wording import NOISE_ONLY as NOISE_ONLY
+from .wording import cached_words as cached_words
+from .wording import concise_text as concise_text
+from .wording import duration as duration
+from .wording import effect_numbers as effect_numbers
+from .wording import localised_number as localised_number
+from .wording import localised_text as localised_text
+from .wording import number as number
+from .wording import reading_tooltip as reading_tooltip
+from .wording import short_name as short_name
+from .wording import size_words as size_words
+from .wording import typed_number as typed_number
+from .wording import typed_numbers as typed_numbers
+from .wording import value_text as value_text
+from .wording import with_prefix as with_prefix

@@ -1,16 +1,9 @@
-from .digitizer import BenchDigitizer, open_digitizer
-from .effects import parse
-from .simulated_shots import simulate
-from .site import LEVELS_M_PER_S, NAMES, QUIET, USUAL_SITE, site_named
-
-__all__ = [
-    "LEVELS_M_PER_S",
-    "NAMES",
-    "QUIET",
-    "USUAL_SITE",
-    "BenchDigitizer",
-    "open_digitizer",
-    "parse",
-    "simulate",
-    "site_named",
-]
+from .digitizer import BenchDigitizer as BenchDigitizer
+from .digitizer import open_digitizer as open_digitizer
+from .effects import parse as parse
+from .simulated_shots import simulate as simulate
+from .site import LEVELS_M_PER_S as LEVELS_M_PER_S
+from .site import NAMES as NAMES
+from .site import QUIET as QUIET
+from .site import USUAL_SITE as USUAL_SITE
+from .site import site_named as site_named

@@ -1,21 +1,13 @@
-from .acquisition import CAN_ARM, Acquisition, Deadlines, State
-from .analysis_thread import ShotAnalysis, fit_here
-from .capture import AcquireError, Capture, acquire
-from .snapshot import CapturedShot, SignalLine, Snapshot
-from .stream_reader import CaptureOptions
-
-__all__ = [
-    "CAN_ARM",
-    "AcquireError",
-    "Acquisition",
-    "Capture",
-    "CaptureOptions",
-    "CapturedShot",
-    "Deadlines",
-    "ShotAnalysis",
-    "SignalLine",
-    "Snapshot",
-    "State",
-    "acquire",
-    "fit_here",
-]
+from .acquisition import CAN_ARM as CAN_ARM
+from .acquisition import Acquisition as Acquisition
+from .acquisition import Deadlines as Deadlines
+from .acquisition import State as State
+from .analysis_thread import ShotAnalysis as ShotAnalysis
+from .analysis_thread import fit_here as fit_here
+from .capture import AcquireError as AcquireError
+from .capture import Capture as Capture
+from .capture import acquire as acquire
+from .snapshot import CapturedShot as CapturedShot
+from .snapshot import SignalLine as SignalLine
+from .snapshot import Snapshot as Snapshot
+from .stream_reader import CaptureOptions as CaptureOptions

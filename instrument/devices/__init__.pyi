@@ -1,32 +1,23 @@
-from .device_search import FoundDevice, found_devices, udev_instructions
-from .digitizer import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples, usual_settings
-from .doctor import Check, Grade, check_computer
-from .scpi import network_name, network_source
-from .source_options import SourceOptions
-from .sources import is_bench, listed_sources, open_source, source_of, source_words, with_push, with_site
-
-__all__ = [
-    "Block",
-    "Capabilities",
-    "CaptureSettings",
-    "Check",
-    "Digitizer",
-    "DigitizerError",
-    "FoundDevice",
-    "Grade",
-    "SourceOptions",
-    "block_samples",
-    "check_computer",
-    "found_devices",
-    "is_bench",
-    "listed_sources",
-    "network_name",
-    "network_source",
-    "open_source",
-    "source_of",
-    "source_words",
-    "udev_instructions",
-    "usual_settings",
-    "with_push",
-    "with_site",
-]
+from .device_search import FoundDevice as FoundDevice
+from .device_search import found_devices as found_devices
+from .device_search import udev_instructions as udev_instructions
+from .digitizer import Block as Block
+from .digitizer import Capabilities as Capabilities
+from .digitizer import CaptureSettings as CaptureSettings
+from .digitizer import Digitizer as Digitizer
+from .digitizer import DigitizerError as DigitizerError
+from .digitizer import block_samples as block_samples
+from .digitizer import usual_settings as usual_settings
+from .doctor import Check as Check
+from .doctor import Grade as Grade
+from .doctor import check_computer as check_computer
+from .scpi import network_name as network_name
+from .scpi import network_source as network_source
+from .source_options import SourceOptions as SourceOptions
+from .sources import is_bench as is_bench
+from .sources import listed_sources as listed_sources
+from .sources import open_source as open_source
+from .sources import source_of as source_of
+from .sources import source_words as source_words
+from .sources import with_push as with_push
+from .sources import with_site as with_site

@@ -1,119 +1,60 @@
-from .atomic_file import (
-    check_writable,
-    copy_permissions,
-    write_atomic,
-    write_json_atomic,
-    write_text_atomic,
-)
-from .folder_lock import FolderLock, FolderLocked, disk_free_bytes
-from .foreign_file import (
-    FOLDER_MAPPING,
-    FORMATS,
-    ForeignChannel,
-    ForeignColumn,
-    ForeignContents,
-    ForeignMapping,
-    MappedChannel,
-    find_mapping,
-    format_of,
-    is_foreign,
-    mapping_path,
-    read_mapping,
-    write_mapping,
-)
-from .foreign_reading import foreign_channels, foreign_columns, read_foreign
-from .law_file import read_law, read_laws, write_law
-from .motion_file import (
-    LENGTHS_M,
-    TABLE,
-    WITHOUT_FORCE,
-    MotionColumns,
-    MotionRecord,
-    length_unit,
-    read_motion,
-    save_columns,
-)
-from .recording_error import (
-    FileNotReached,
-    RecordingError,
-    RecordingExists,
-    SomeShotsNotSaved,
-    error_words,
-    one_line,
-    shown,
-)
-from .recording_file import (
-    ENDED_EARLY,
-    analyse_and_check_hash,
-    data_hash,
-    open_recording,
-    open_without_hash,
-    read_recording,
-)
-from .recording_metadata import read_metadata
-from .recording_search import find_recordings, is_motion_record, recording_stem
-from .recording_writer import RecordingWriter, rewrite_note, write_recording
-from .text_file import CheckedTable, open_regular, read_json, read_toml, read_toml_text
-
-__all__ = [
-    "ENDED_EARLY",
-    "FOLDER_MAPPING",
-    "FORMATS",
-    "LENGTHS_M",
-    "TABLE",
-    "WITHOUT_FORCE",
-    "CheckedTable",
-    "FileNotReached",
-    "FolderLock",
-    "FolderLocked",
-    "ForeignChannel",
-    "ForeignColumn",
-    "ForeignContents",
-    "ForeignMapping",
-    "MappedChannel",
-    "MotionColumns",
-    "MotionRecord",
-    "RecordingError",
-    "RecordingExists",
-    "RecordingWriter",
-    "SomeShotsNotSaved",
-    "analyse_and_check_hash",
-    "check_writable",
-    "copy_permissions",
-    "data_hash",
-    "disk_free_bytes",
-    "error_words",
-    "find_mapping",
-    "find_recordings",
-    "foreign_channels",
-    "foreign_columns",
-    "format_of",
-    "is_foreign",
-    "is_motion_record",
-    "length_unit",
-    "mapping_path",
-    "one_line",
-    "open_recording",
-    "open_regular",
-    "open_without_hash",
-    "read_foreign",
-    "read_json",
-    "read_law",
-    "read_laws",
-    "read_mapping",
-    "read_metadata",
-    "read_motion",
-    "read_recording",
-    "read_toml",
-    "read_toml_text",
-    "recording_stem",
-    "rewrite_note",
-    "save_columns",
-    "shown",
-    "write_atomic",
-    "write_json_atomic",
-    "write_law",
-    "write_mapping",
-    "write_recording",
-    "write_text_atomic",
-]
+from .atomic_file import check_writable as check_writable
+from .atomic_file import copy_permissions as copy_permissions
+from .atomic_file import write_atomic as write_atomic
+from .atomic_file import write_json_atomic as write_json_atomic
+from .atomic_file import write_text_atomic as write_text_atomic
+from .folder_lock import FolderLock as FolderLock
+from .folder_lock import FolderLocked as FolderLocked
+from .folder_lock import disk_free_bytes as disk_free_bytes
+from .foreign_file import FOLDER_MAPPING as FOLDER_MAPPING
+from .foreign_file import FORMATS as FORMATS
+from .foreign_file import ForeignChannel as ForeignChannel
+from .foreign_file import ForeignColumn as ForeignColumn
+from .foreign_file import ForeignContents as ForeignContents
+from .foreign_file import ForeignMapping as ForeignMapping
+from .foreign_file import MappedChannel as MappedChannel
+from .foreign_file import find_mapping as find_mapping
+from .foreign_file import format_of as format_of
+from .foreign_file import is_foreign as is_foreign
+from .foreign_file import mapping_path as mapping_path
+from .foreign_file import read_mapping as read_mapping
+from .foreign_file import write_mapping as write_mapping
+from .foreign_reading import foreign_channels as foreign_channels
+from .foreign_reading import foreign_columns as foreign_columns
+from .foreign_reading import read_foreign as read_foreign
+from .law_file import read_law as read_law
+from .law_file import read_laws as read_laws
+from .law_file import write_law as write_law
+from .motion_file import LENGTHS_M as LENGTHS_M
+from .motion_file import TABLE as TABLE
+from .motion_file import WITHOUT_FORCE as WITHOUT_FORCE
+from .motion_file import MotionColumns as MotionColumns
+from .motion_file import MotionRecord as MotionRecord
+from .motion_file import length_unit as length_unit
+from .motion_file import read_motion as read_motion
+from .motion_file import save_columns as save_columns
+from .recording_error import FileNotReached as FileNotReached
+from .recording_error import RecordingError as RecordingError
+from .recording_error import RecordingExists as RecordingExists
+from .recording_error import SomeShotsNotSaved as SomeShotsNotSaved
+from .recording_error import error_words as error_words
+from .recording_error import one_line as one_line
+from .recording_error import shown as shown
+from .recording_file import ENDED_EARLY as ENDED_EARLY
+from .recording_file import analyse_and_check_hash as analyse_and_check_hash
+from .recording_file import data_hash as data_hash
+from .recording_file import open_recording as open_recording
+from .recording_file import open_without_hash as open_without_hash
+from .recording_file import read_recording as read_recording
+from .recording_metadata import read_metadata as read_metadata
+from .recording_search import find_recordings as find_recordings
+from .recording_search import is_motion_record as is_motion_record
+from .recording_search import recording_stem as recording_stem
+from .recording_writer import RecordingWriter as RecordingWriter
+from .recording_writer import rewrite_note as rewrite_note
+from .recording_writer import write_recording as write_recording
+from .text_file import CheckedTable as CheckedTable
+from .text_file import open_regular as open_regular
+from .text_file import read_json as read_json
+from .text_file import read_toml as read_toml
+from .text_file import read_toml_text as read_toml_text

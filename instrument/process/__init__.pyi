@@ -1,9 +1,4 @@
-from .subprocess_digitizer import SIMULATED_ANSWER_S, open_in_subprocess
-from .subprocess_worker import SubprocessAnalysis, SubprocessWorker
-
-__all__ = [
-    "SIMULATED_ANSWER_S",
-    "SubprocessAnalysis",
-    "SubprocessWorker",
-    "open_in_subprocess",
-]
+from .subprocess_digitizer import SIMULATED_ANSWER_S as SIMULATED_ANSWER_S
+from .subprocess_digitizer import open_in_subprocess as open_in_subprocess
+from .subprocess_worker import SubprocessAnalysis as SubprocessAnalysis
+from .subprocess_worker import SubprocessWorker as SubprocessWorker

@@ -1,11 +1,6 @@
-from .light_switch import Edge, Level, LightSwitch, TriggerSettings, middle_of_step
-from .motion_trigger import MotionTrigger
-
-__all__ = [
-    "Edge",
-    "Level",
-    "LightSwitch",
-    "MotionTrigger",
-    "TriggerSettings",
-    "middle_of_step",
-]
+from .light_switch import Edge as Edge
+from .light_switch import Level as Level
+from .light_switch import LightSwitch as LightSwitch
+from .light_switch import TriggerSettings as TriggerSettings
+from .light_switch import middle_of_step as middle_of_step
+from .motion_trigger import MotionTrigger as MotionTrigger

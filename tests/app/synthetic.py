@@ -102,7 +102,7 @@ def shot(
         reference=BeatQuality(2.73e6, 0.4, 41.0, 0.0),
         measurement=BeatQuality(2.73e6, 0.4, 38.0, 0.0),
     )
-    overlay = Overlay(time_s, course["x"], course["v"], course["f"], course["y"], course["gap"])
+    overlay = Overlay(time_s, course["x"], course["v"], course["f"], course["gap"])
     v_in, v_out = -speed, 0.987556 * speed
     impact = Impact(
         touch_time_s=Quantity(TOUCH_S, 1e-6, "crossing of the flight's line"),

@@ -164,7 +164,6 @@ def _overlay(motion: Motion, response: Response, touch_time_s: float) -> Overlay
         displacement_m=response.displacement_m,
         velocity_m_per_s=velocity,
         force_n=motion.moving_mass_kg * acceleration,
-        deflection_m=response.plate_displacement_m,
         gap_m=response.gap_m,
         events_s=tuple((event.kind, event.time_s + touch_time_s) for event in shown),
     )

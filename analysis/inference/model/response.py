@@ -124,7 +124,6 @@ class Response:
     displacement_m: Floats
     derivatives: Floats
     velocity_m_per_s: Floats
-    plate_displacement_m: Floats
     gap_m: Floats
     log: EventLog
     velocity_out: tuple[float, Floats] | None
@@ -157,7 +156,6 @@ def respond(
         averaged(x, left) + shot.own[2],
         averaged(columns, left),
         averaged(run.velocity_m_per_s, left),
-        averaged(run.plate_displacement_m, left),
         averaged(run.gap_m, left),
         run.log,
         None if run.released is None else (float(run.released.state[1]), slope),

@@ -10,7 +10,7 @@ from PySide6.QtCore import Qt
 
 from analysis.report import result
 from analysis.shot.quantity import NotSeen, Quantity
-from analysis.uncertainty import measurement_equations, numbers
+from analysis.uncertainty import gum_budget, measurement_equations, numbers
 from analysis.uncertainty.gum_budget import combined_uncertainties, with_combined_uncertainty
 from app.report.exports import export
 from app.report.number_tables import summary
@@ -47,7 +47,9 @@ def _impulse(shot):
 
 @pytest.fixture
 def shots(monkeypatch):
-    monkeypatch.setattr(numbers, "NUMBERS", (*numbers.NUMBERS, IMPULSE))
+    with_it = (*numbers.NUMBERS, IMPULSE)
+    for module in (numbers, gum_budget):
+        monkeypatch.setattr(module, "NUMBERS", with_it)
     return [synthetic.shot(f"shot-{n}", speed, n) for n, speed in enumerate((0.2, 0.25, 0.3), 1)]
 
 

@@ -11,9 +11,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy  # loads its interpolate, 20 MB, when that is first used: a window without laws needs no splines
 from numba import types
 from numba.extending import intrinsic, overload
-from scipy.interpolate import BSpline, PPoly
 
 from analysis.collision.parameters import Floats
 
@@ -78,14 +78,14 @@ class Basis:
 
     def curve(self, coefficients: Floats) -> Curve:
         """Return the curve of ``coefficients``, shape (count,)."""
-        pieces = PPoly.from_spline(BSpline(self._padded, coefficients, 3))
+        pieces = scipy.interpolate.PPoly.from_spline(scipy.interpolate.BSpline(self._padded, coefficients, 3))
         inner = slice(3, 3 + len(self.knots) - 1)
         return Curve(np.array(self.knots), np.ascontiguousarray(pieces.c[::-1, inner].T))
 
     def design(self, argument: Floats) -> Floats:
         """Return the basis functions at ``argument``, shape (n,), inside the range: shape (n, count)."""
         inside = np.clip(argument, self.knots[0], self.knots[-1])
-        return np.asarray(BSpline.design_matrix(inside, self._padded, 3).toarray())
+        return np.asarray(scipy.interpolate.BSpline.design_matrix(inside, self._padded, 3).toarray())
 
     @cached_property
     def roughness(self) -> Floats:
@@ -97,7 +97,8 @@ class Basis:
             [np.linspace(a, b, 5)[:-1] + (b - a) / 8 for a, b in zip(self.knots, self.knots[1:], strict=False)]
         )
         span = self.knots[-1] - self.knots[0]
-        second = np.stack([BSpline(self._padded, unit, 3).derivative(2)(fine) for unit in np.eye(self.count)], axis=1)
+        splines = (scipy.interpolate.BSpline(self._padded, unit, 3) for unit in np.eye(self.count))
+        second = np.stack([spline.derivative(2)(fine) for spline in splines], axis=1)
         widths = np.repeat(np.diff(self.knots) / 4, 4) / span
         return np.asarray((second * widths[:, None]).T @ second) * span**4
 

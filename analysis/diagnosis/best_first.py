@@ -187,7 +187,7 @@ class BestFirst:
         # where the best fit leaves a residual, a thorough search of a support's frequency is not worth its time
         best, given = at_likeliest_scale(best, trail, thoroughly=not branch.searched.leaves_something), best
         judged = residual if finely is None and best is given else None
-        settled = settle(best, trail, held_out, question.progress, question.limit, judged)
+        settled = settle(best, trail, held_out, question.progress, judged)
         branch.named = explain_with_effects(question, trail, settled, held_out)
 
     def _complete(self, branch: Branch) -> None:

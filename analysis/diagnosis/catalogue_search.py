@@ -21,11 +21,9 @@ from analysis.diagnosis.search.forward_selection import (
     best_untried_pair,
     better,
     contained_effects,
-    forward_search,
     nearly_as_likely,
 )
 from analysis.diagnosis.search.full_rate import with_frame_response_updated
-from analysis.diagnosis.search.time_limit import Limit
 from analysis.inference import (
     STILL_FRAME,
     Fitted,
@@ -102,9 +100,9 @@ class Search:
             start = with_frame_relinearised(start, stop) if question.accepted else start
             question.progress("scoring the catalogue", 0.15)
             if not site.moves:
-                return search_from_base(start, given, catalogue, stop, most=most, limit=limit, beat=beat)
+                return search_from_base(Trail(start, catalogue, stop, limit=limit, beat=beat), given, most)
             # A missing effect makes plates seem to move, which could pass for a second effect.
-            first, trail = search_from_base(start, given, catalogue, stop, most=1, limit=limit)
+            first, trail = search_from_base(Trail(start, catalogue, stop, limit=limit), given, most=1)
             each = side_by_side(
                 lambda fitted: with_frame_response_updated(fitted, trail), nearly_as_likely(first, trail)
             )
@@ -165,37 +163,28 @@ def accept(base: Fitted, catalogue: Sequence[TrialEffect], accepted: Sequence[Ef
     return joined(base, [kinds[effect] for effect in accepted if effect not in held], stop)
 
 
-def search_from_base(
-    before: Fitted,
-    given: SearchStart,
-    catalogue: Sequence[TrialEffect],
-    stop: Stop,
-    *,
-    most: int = CRITERIA.most_effects,
-    limit: Limit | None = None,
-    beat: float = math.inf,
-) -> tuple[Fitted, Trail]:
+def search_from_base(trail: Trail, given: SearchStart, most: int = CRITERIA.most_effects) -> tuple[Fitted, Trail]:
     """Search for at most ``most`` effects; return best fit and trail.  ``given`` is the start of the base fit."""
+    before = trail.start
     if not before.converged and given.left > CRITERIA.drawn_far:
-        return _from_the_guess(before, catalogue, stop, limit)
-    best, trail = forward_search(before, catalogue, stop, most=most, limit=limit, beat=beat)
+        return _from_the_guess(trail)
+    best = add_effects(before, trail, most)
     again = trail.of(before.effects)
     if again is not None and better(again, before):  # adding and removing an effect led to a better minimum of the base
-        return forward_search(again, catalogue, stop, most=most, limit=limit, beat=beat)
+        trail = trail.begun_at(again)
+        best = add_effects(again, trail, most)
     return best, trail
 
 
-def _from_the_guess(
-    before: Fitted, catalogue: Sequence[TrialEffect], stop: Stop, limit: Limit | None
-) -> tuple[Fitted, Trail]:
+def _from_the_guess(search: Trail) -> tuple[Fitted, Trail]:
     """Return the best fit with effects, started from the readings of the collision instead of the base model's fit.
 
     A missing effect a thousand times the noise drives base parameters to a bound, from which no step leads back.  The
     effect may also have spoilt the reading of the contact, so a softer contact is a second start.
     """
-    problem = before.problem
+    before, problem = search.start, search.start.problem
     shots = problem.data.shots
-    guess = first_guesses(problem.data.base, shots, stop)[0]
+    guess = first_guesses(problem.data.base, shots, search.stop)[0]
     own = np.array([shot.course.own for shot in shots])
     climbs = []
     for softer in _SOFTENED:
@@ -203,13 +192,13 @@ def _from_the_guess(
         contact[problem.data.base.contact_at] *= softer
         point = problem.with_softened_contact(Point(contact, own, before.point.values))
         try:
-            there = problem.fit_once(problem.pack(point), evaluations=1, cancelled=stop)
+            there = problem.fit_once(problem.pack(point), evaluations=1, cancelled=search.stop)
         except Infeasible:
             continue
-        trail = Trail(before, catalogue, stop, limit=limit)
+        trail = search.begun_at(before)
         best = add_effects(there, trail)
         if best is not there and best.bic < before.bic:
             climbs.append((best, trail))
     if climbs:
         return min(climbs, key=lambda climbed: climbed[0].bic)
-    return forward_search(before, catalogue, stop, limit=limit)
+    return add_effects(before, search), search

@@ -115,19 +115,9 @@ class Trail:
         """Return the best fit of these effects, if there is one."""
         return self.fits.get(frozenset(effects))
 
-
-def forward_search(
-    start: Fitted,
-    catalogue: Sequence[TrialEffect],
-    stop: Stop,
-    *,
-    most: int = CRITERIA.most_effects,
-    limit: Limit | None = None,
-    beat: float = math.inf,
-) -> tuple[Fitted, Trail]:
-    """Search for at most ``most`` effects in addition to those of ``start``; return the best fit and the trail."""
-    trail = Trail(start, catalogue, stop, limit=limit, beat=beat)
-    return add_effects(start, trail, most), trail
+    def begun_at(self, start: Fitted) -> "Trail":
+        """Return the empty record of the same search from another start."""
+        return Trail(start, self.catalogue, self.stop, limit=self.limit, beat=self.beat)
 
 
 def restart_from_other_effects(best: Fitted, trail: Trail, most: int = RESTARTS) -> Fitted:

@@ -5,7 +5,7 @@ which of the remaining effects are named; ``conclude`` decides the verdict, also
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from analysis.compiled import side_by_side
 from analysis.diagnosis.evidence.cross_validation import Predictions, predict
@@ -27,7 +27,6 @@ from analysis.diagnosis.search.forward_selection import (
     restart_from_other_effects,
     without,
 )
-from analysis.diagnosis.search.time_limit import Limit
 from analysis.inference import Fitted, Linearised
 from analysis.shot import Progress
 
@@ -141,7 +140,6 @@ def settle(
     trail: Trail,
     held_out: tuple[int, ...],
     progress: Progress,
-    limit: Limit,
     residual: Residual | None = None,
 ) -> GatedFit:
     """Pass ``best`` through the gates; where that leaves a residual, restart from other first effects.
@@ -155,9 +153,8 @@ def settle(
         return settled
     firsts = RESTARTS_IN_WANDERING_NOISE if wanders else RESTARTS
     progress("searching from other first effects", 0.75)
-    timed = replace(trail, stop=limit)
     what = "the search from other first effects"
-    other = limit.within(what, lambda: restart_from_other_effects(settled.best, timed, firsts), settled.best)
+    other = trail.within(what, lambda: restart_from_other_effects(settled.best, trail, firsts), settled.best)
     if not better(other, settled.best):
         return settled
     again = _settled(other, trail, held_out, lambda _what, _fraction: None)

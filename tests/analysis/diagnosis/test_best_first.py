@@ -296,7 +296,7 @@ def test_effects_are_named_at_the_records_own_rate_and_the_likeliest_frequency(
     best, trail = fine if finely else (searched.best, searched.trail)
     best = ("elsewhere", best, trail, not searched.leaves_something) if moved else best
     held = ("fine data" if finely else "data", finely or found)
-    settled = best, trail, held, question.progress, question.limit, None if finely or moved else "residual"
+    settled = best, trail, held, question.progress, None if finely or moved else "residual"
     assert one.named == (question, trail, ("settled", settled), held)
     assert (one.law is law) is not finely and (not finely or one.law.beside is trail.start)
 

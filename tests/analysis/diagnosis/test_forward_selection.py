@@ -12,8 +12,8 @@ from analysis.collision.effects import effect_named
 from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import (
     Trail,
+    add_effects,
     converge,
-    forward_search,
     nearly_as_likely,
     restart_from_other_effects,
 )
@@ -30,7 +30,8 @@ def test_two_effects_that_look_like_a_third_are_found_by_another_way() -> None:
     )
     before = base_fit(motions)
     catalogue = [KINDS[name] for name in (*true, "viscous_drag", "frame_vibration")]
-    greedy, trail = forward_search(before, catalogue, calm, most=2)
+    trail = Trail(before, catalogue, calm)
+    greedy = add_effects(before, trail, 2)
     assert effect_named("viscous_drag") in greedy.effects
     best = restart_from_other_effects(greedy, trail)
     assert {effect.name for effect in best.effects} == true and best.bic < greedy.bic - 100
@@ -86,7 +87,8 @@ def test_a_fit_far_behind_another_is_not_followed_to_its_end(monkeypatch: pytest
 def test_two_that_nearly_undo_each_other_are_found_though_neither_pays_alone() -> None:
     effects = {"contact_exponent": {"delta": 1.7e-5}, "coulomb_friction": {"force_n": 1.05e-8}}
     before = base_fit(shots(effects, seed=5))
-    greedy, trail = forward_search(before, [KINDS[name] for name in (*effects, "cubic_stiffness")], calm)
+    trail = Trail(before, [KINDS[name] for name in (*effects, "cubic_stiffness")], calm)
+    greedy = add_effects(before, trail)
     assert greedy is before
     assert {effect.name for effect in restart_from_other_effects(greedy, trail).effects} == set(effects)
 
@@ -139,9 +141,9 @@ def test_what_cannot_come_below_a_likelier_search_is_not_followed(gains: float, 
     true = {"coulomb_friction": {"force_n": 2e-6}, "cubic_stiffness": {"coefficient_n_per_m3": 2e4}}
     start = base_fit(shots(true))
     catalogue = [KINDS[name] for name in true]
-    one, _ = forward_search(start, catalogue, calm, most=1)
+    one = add_effects(start, Trail(start, catalogue, calm), 1)
     beat = start.bic - gains * (start.bic - one.bic)
-    best, _ = forward_search(start, catalogue, calm, most=2, beat=beat)
+    best = add_effects(start, Trail(start, catalogue, calm, beat=beat), 2)
     assert len(best.effects) == found
 
 

@@ -17,7 +17,6 @@ from analysis.diagnosis.evidence.residual import Residual
 from analysis.diagnosis.findings.result import Freedom
 from analysis.diagnosis.search import forward_selection
 from analysis.diagnosis.search.forward_selection import Trail, prune
-from analysis.diagnosis.search.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict import acceptance, indistinguishable
 from analysis.diagnosis.verdict.acceptance import settle, without_unpredictive_effects
 from analysis.diagnosis.verdict.indistinguishable import PerShotCost, imitates_by_coincidence
@@ -164,7 +163,7 @@ class Stages:
 
 
 def settled(found: Trail, judged: Residual | None = None) -> Any:
-    return settle(cast(Any, ONE), found, HELD, lambda _what, _fraction: None, Limit(SECONDS, calm), judged)
+    return settle(cast(Any, ONE), found, HELD, lambda _what, _fraction: None, judged)
 
 
 @pytest.mark.parametrize("stage", ["paid", "bright", "instead"])

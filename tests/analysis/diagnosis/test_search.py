@@ -79,13 +79,21 @@ class Stage:
         self.compared = {True: True, False: True} | more.get("compared", {})
         self.pays = more.get("pays", True)
 
-        def search_from_base(start: Any, given: Any, catalogue: Any, stop: Any, **options: Any) -> Any:
-            beside = start[1][4]
-            names = [kind.effect.name for kind in catalogue]
-            self.asked.append(("search_from_base", start, given, names, stop, options))
-            best = (self.first if options["most"] == 1 else self.best) if beside or not along else self.plain
+        def search_from_base(trail: Any, given: Any, most: int) -> Any:
+            beside = trail.start[1][4]
+            names = [kind.effect.name for kind in trail.catalogue]
+            options = {"most": most, "limit": trail.limit, "beat": trail.beat}
+            self.asked.append(("search_from_base", trail.start, given, names, trail.stop, options))
+            best = (self.first if most == 1 else self.best) if beside or not along else self.plain
             return best, trail_of(self.start, compared=self.compared[bool(beside)])
 
+        patch.setattr(
+            search,
+            "Trail",
+            lambda start, catalogue, stop, *, limit, beat=math.inf: SimpleNamespace(
+                start=start, catalogue=catalogue, stop=stop, limit=limit, beat=beat
+            ),
+        )
         patch.setattr(search, "joint_data", lambda *given: SimpleNamespace(shots=("shots", given)))
         patch.setattr(
             search, "per_shot_nuisances", lambda shots, chance: along if chance == CRITERIA.own_flights else None
@@ -137,7 +145,7 @@ def test_on_a_moving_frame_its_motion_is_no_finding_and_its_response_follows(mon
     *_, (_, start, _, names, _, options), added = stage.asked
     assert names == ["viscous_drag", "tilt"]  # which the model has, though it resembles a frame
     assert start[1][1] == ("shots", ("shots", "given", MOVING)) and start[0] == "anew" and start[-1] == "stop"
-    assert options == {"most": 1, "limit": None}  # plates seem to move where an effect is missing
+    assert options == {"most": 1, "limit": None, "beat": math.inf}  # plates seem to move where an effect is missing
     assert added[1].bic == 49.0 and added[1].effects == (DRAG,) and added[2] == 2  # likelier by the frame's response
     assert (searched.best.bic, searched.best.swayed) == (39.0, True)
     still = Stage(monkeypatch, climbed=lambda here: here)
@@ -233,22 +241,25 @@ def test_where_effects_led_the_base_to_a_better_minimum_the_search_begins_there(
     better = None if again is None else fit(again)
     asked: list[Any] = []
 
-    def forward_search(start: Any, *given: Any, **options: Any) -> Any:
-        asked.append((start, given, options))
-        return f"best of {len(asked)}", SimpleNamespace(of=lambda effects: better if effects == () else None)
+    def add_effects(here: Any, trail: Any, most: int) -> Any:
+        asked.append((here, trail.start, most))
+        return f"best of {len(asked)}"
 
-    monkeypatch.setattr(search, "forward_search", forward_search)
-    monkeypatch.setattr(search, "_from_the_guess", lambda *given: given)
+    def trail_from(start: Any) -> Any:
+        return SimpleNamespace(start=start, of=lambda effects: better if effects == () else None, begun_at=trail_from)
+
+    monkeypatch.setattr(search, "add_effects", add_effects)
+    monkeypatch.setattr(search, "_from_the_guess", lambda trail: ("from the guess", trail))
     start: Any = SimpleNamespace(left=1.01 * CRITERIA.drawn_far)
-    options: Any = {"most": 2, "limit": "limit", "beat": 7.0}
-    given: Any = (start, "catalogue", "stop")
-    best, _ = search.search_from_base(before, *given, **options)
+    trail = trail_from(before)
+    best, ended = search.search_from_base(trail, start, 2)
     assert best == ("best of 2" if twice else "best of 1")
-    assert asked == [(one, ("catalogue", "stop"), options) for one in ([before, better] if twice else [before])]
+    assert asked == [(one, one, 2) for one in ([before, better] if twice else [before])]
+    assert ended.start is (better if twice else before)
     before.converged = False
-    assert search.search_from_base(before, *given, **options) == (before, "catalogue", "stop", "limit")
+    assert search.search_from_base(trail, start, 2) == ("from the guess", trail)
     start.left = 0.99 * CRITERIA.drawn_far
-    assert search.search_from_base(before, *given, **options)[0] in ("best of 2", "best of 3", "best of 4")
+    assert search.search_from_base(trail, start, 2)[0] in ("best of 2", "best of 3", "best of 4")
 
 
 @pytest.mark.parametrize("ends", [{1.0: 80.0, 0.01: 70.0}, {1.0: 60.0, 0.01: 70.0}, {0.01: 99.0}, {1.0: 101.0}, {}])
@@ -275,19 +286,25 @@ def test_from_the_readings_the_likeliest_of_two_climbs_is_taken_or_else_that_of_
     )
     before: Any = fit(100.0, problem=problem, point=SimpleNamespace(values="values"))
     monkeypatch.setattr(search, "first_guesses", lambda *given: [guess])
-    monkeypatch.setattr(search, "Trail", lambda *given, **named: SimpleNamespace(given=given, named=named))
-    monkeypatch.setattr(search, "add_effects", lambda there, trail: fit(ends[there.softer], DRAG))
-    monkeypatch.setattr(search, "forward_search", lambda *given, **named: ("search_from_base", given, named))
-    found: Any = search._from_the_guess(before, "catalogue", "stop", "limit")  # type: ignore[arg-type]
+    trail: Any = SimpleNamespace(start=before, stop="stop", begun_at=lambda start: ("begun at", start))
+
+    def from_the_base(there: Any, given: Any) -> Any:
+        return "from the base" if given is trail else there
+
+    monkeypatch.setattr(
+        search,
+        "add_effects",
+        lambda there, given: from_the_base(there, given) if there is before else fit(ends[there.softer], DRAG),
+    )
+    found: Any = search._from_the_guess(trail)
     least = min((bic for bic in ends.values() if bic < 100.0), default=None)
     if least is None:
-        assert found == ("search_from_base", (before, "catalogue", "stop"), {"limit": "limit"})
+        assert found == ("from the base", trail)
     else:
-        assert found[0].bic == least and found[1].given == (before, "catalogue", "stop")
-        assert found[1].named == {"limit": "limit"}
+        assert found[0].bic == least and found[1] == ("begun at", before)
     assert len(packed) == 2 and np.array_equal(packed[0].own, [[1.0, 2.0, 3.0]] * 2) and packed[0].values == "values"
-    monkeypatch.setattr(search, "add_effects", lambda there, trail: there)  # where no effect joins
-    assert search._from_the_guess(before, "catalogue", "stop", None)[0] == "search_from_base"  # type: ignore[arg-type]
+    monkeypatch.setattr(search, "add_effects", from_the_base)  # where no effect joins
+    assert search._from_the_guess(trail) == ("from the base", trail)
 
 
 @pytest.mark.parametrize("allowed", [True, False])

@@ -10,6 +10,7 @@ from analysis.collision import Infeasible
 from analysis.collision.effects import effect_named
 from analysis.diagnosis.catalogue_search import search_from_base
 from analysis.diagnosis.findings.criteria import CRITERIA
+from analysis.diagnosis.search.forward_selection import Trail
 from analysis.inference.fit import first_fit as module
 from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.joint.joint_data import JointData
@@ -28,7 +29,7 @@ def test_an_effect_that_draws_the_base_to_a_wall_is_found_from_where_the_collisi
     before = base_fit(JointData(averaged_shots(motions), base_named("paper")), given, calm)
     assert given.left > CRITERIA.drawn_far and not before.converged
     assert before.point.base[2] > 10 * 1e4  # the contact is not a tenth as stiff
-    best, trail = search_from_base(before, given, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm)
+    best, trail = search_from_base(Trail(before, [KINDS["cubic_stiffness"], KINDS["tilt"]], calm), given)
     assert trail.start is before and best.effects == (effect_named("cubic_stiffness"),)
     assert abs(best.point.values[0][effect_named("cubic_stiffness")]["coefficient_n_per_m3"] / size - 1) < 1e-3
 

@@ -40,13 +40,13 @@ class Fitting:
         return self.distance + (1 + len(self.form.nonlinear_parameters)) * float(np.log(samples))
 
 
-def fit_closed_forms(learned: Learned, which: int = 0) -> list[Fitting]:
-    """Fit every closed form to the ``which``-th curve of a fit; return them in the order of ``Fitting.cost``."""
-    term = learned.terms[which]
+def fit_closed_forms(learned: Learned) -> list[Fitting]:
+    """Fit every closed form to the last curve of a fit; return them in the order of ``Fitting.cost``."""
+    term = learned.terms[-1]
     knots = np.array(term.basis.knots)
     fine = np.unique(np.concatenate([np.linspace(a, b, _FINE) for a, b in itertools.pairwise(knots)]))
     into = np.asarray(np.linalg.pinv(term.basis.design(fine)), dtype=np.float64)  # maps ``fine`` to coefficients
-    root = _root(information(learned, which))
+    root = _root(information(learned))
     target = root @ term.coefficients
     columns = root @ (into @ gauge(term.argument, fine))
     basis = orthonormal(columns) if columns.shape[1] else columns
@@ -58,7 +58,7 @@ def fit_closed_forms(learned: Learned, which: int = 0) -> list[Fitting]:
 
     low, high = float(knots[0]), float(knots[-1])
     laid = [(form, *_laid(form, fine, seen, target, low, high)) for form in FORMS if is_distinct_over(form, low, high)]
-    toll = _toll(learned, which)
+    toll = _toll(learned)
     found = [
         Fitting(form, values, distance, toll @ (into @ form.values(fine, values) - term.coefficients))
         for form, values, distance in laid
@@ -66,13 +66,13 @@ def fit_closed_forms(learned: Learned, which: int = 0) -> list[Fitting]:
     return sorted(found, key=lambda one: one.cost(learned.samples))
 
 
-def likely_forms(learned: Learned, most: int, which: int = 0) -> list[Fitting]:
-    """Return the forms of a law nearest to the ``which``-th curve, the nearest first.
+def likely_forms(learned: Learned, most: int) -> list[Fitting]:
+    """Return the forms of a law nearest to the last curve, the nearest first.
 
     There are ``most`` of them, or more if the curve does not distinguish them: a faint law's curve may be near ten.
     """
-    argument = learned.terms[which].argument
-    forms = [form for form in fit_closed_forms(learned, which) if is_outside_base(form.form, argument)]
+    argument = learned.terms[-1].argument
+    forms = [form for form in fit_closed_forms(learned) if is_outside_base(form.form, argument)]
     within = forms[0].cost(learned.samples) + CRITERIA.form_excluded
     alike = sum(form.cost(learned.samples) < within for form in forms)
     return forms[: max(most, alike)]
@@ -83,16 +83,16 @@ def is_outside_base(form: Form, argument: Argument) -> bool:
     return form.name != "constant" or (argument.where == "contact" and not argument.factor)
 
 
-def _toll(learned: Learned, which: int) -> Floats:
-    """Return the step of base and starts per change of each coefficient of a curve, shape (z, count)."""
+def _toll(learned: Learned) -> Floats:
+    """Return the step of base and starts per change of each coefficient of the last curve, shape (z, count)."""
     of_all, size = np.arange(learned.curvature.size), learned.z.size
-    return learned.curvature.followed(of_all[places_of(learned.terms, size)[which]], of_all < size)[:size]
+    return learned.curvature.followed(of_all[places_of(learned.terms, size)[-1]], of_all < size)[:size]
 
 
-def information(learned: Learned, which: int = 0) -> Floats:
-    """Return the shots' information on a curve's coefficients, all else eliminated, shape (count, count)."""
+def information(learned: Learned) -> Floats:
+    """Return the shots' information on the last curve's coefficients, all else eliminated, shape (count, count)."""
     of_all = np.arange(learned.curvature.size)
-    mine = of_all[places_of(learned.terms, learned.z.size)[which]]
+    mine = of_all[places_of(learned.terms, learned.z.size)[-1]]
     followed = learned.curvature.followed(mine, ~np.isin(of_all, mine))
     left = np.stack([(learned.curvature @ moves)[mine] for moves in followed.T])
     return np.asarray(0.5 * (left + left.T))

@@ -50,11 +50,6 @@ class Learned:
         """Get the number of valid averaged samples."""
         return sum(int(shot.valid.sum()) for shot in self.problem.data.shots)
 
-    def penalty_of(self, which: int) -> Floats:
-        """Return the smoothing penalty of one curve's coefficients, shape (count, count)."""
-        part = places_of(self.terms)[which]
-        return self.penalty[part, part]
-
     def with_last(self, which: int) -> "Learned":
         """Return the same fit with one of its curves moved to the end."""
         order = [*(k for k in range(len(self.terms)) if k != which), which]

@@ -62,7 +62,8 @@ def as_learned(
     low, high = term.basis.knots[0], term.basis.knots[-1]
     at = np.linspace(low, high, _SHOWN)
     design = term.basis.design(at)
-    known = np.linalg.pinv(information(learned, len(learned.terms) - 1) + learned.penalty_of(-1), hermitian=True)
+    last = slice(-term.basis.count, None)
+    known = np.linalg.pinv(information(learned) + learned.penalty[last, last], hermitian=True)
     std = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", design, known, design), 0.0))
     shown = best.curve(at)
     near = [one for one in fits[1:] if one.bic < best.bic + CRITERIA.form_excluded and one.law != best.law]

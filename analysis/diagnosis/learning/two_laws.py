@@ -77,7 +77,8 @@ class _Pairs:
 
     def __init__(self, start: Fitted, curves: Learned, stop: Stop) -> None:
         self.curves, self._start, self._stop = curves, start, stop
-        self.forms = [likely_forms(curves, _FORMS, which) for which in (0, 1)]
+        self._with_last = [curves.with_last(which) for which in (0, 1)]
+        self.forms = [likely_forms(one, _FORMS) for one in self._with_last]
         self.fits: dict[tuple[int, int], Fitted] = {}
 
     def fit(self, pairs: Iterable[tuple[int, int]]) -> None:
@@ -114,9 +115,9 @@ class _Pairs:
 
     def of_law(self, which: int, at: tuple[int, int]) -> list[FormFit]:
         """Return the forms of one law, each with the other law's form in the pair ``at``; that pair's form first."""
-        last = self.curves.with_last(which)
         pairs = [pair for pair in self.fits if pair[1 - which] == at[1 - which]]
-        read = [FormFit(self.fits[pair], last, self.forms[which][pair[which]], which - 2) for pair in pairs]
+        curves, forms = self._with_last[which], self.forms[which]
+        read = [FormFit(self.fits[pair], curves, forms[pair[which]], which - 2) for pair in pairs]
         return sorted(read, key=lambda one: (one.fitted is not self.fits[at], one.bic))
 
 

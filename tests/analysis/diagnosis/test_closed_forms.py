@@ -11,6 +11,7 @@ from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis, graded_basis
 from analysis.collision.laws.forms import FORMS, Form
 from analysis.diagnosis.learning.closed_forms import _bounds, _laid, fit_closed_forms, information, likely_forms
+from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.diagnosis.learning.curve_motion import Term
 from analysis.inference.model.normal_matrix import NormalMatrix
 
@@ -137,8 +138,10 @@ def test_each_of_two_curves_is_read_beside_the_other(which: int) -> None:
     size = 2 + sum(basis.count for basis in bases)
     whole = random.standard_normal((200, size))
     curvature = NormalMatrix.of(whole.T @ whole)
-    learned: Any = SimpleNamespace(z=np.zeros(2), terms=tuple(terms), curvature=curvature, samples=200)
-    found = fit_closed_forms(learned, which)
+    problem: Any = SimpleNamespace(data=SimpleNamespace(shots=[SimpleNamespace(valid=np.ones(200, np.bool_))]))
+    free = np.zeros((size - 2, size - 2))
+    learned = Learned(problem, tuple(terms), np.zeros(2), (), 0.0, curvature, free, 5.0).with_last(which)
+    found = fit_closed_forms(learned)
     assert [one.cost(200) for one in found] == sorted(one.cost(200) for one in found)
     linear = next(one for one in found if one.form.name == "linear")
     assert linear.cost(200) == pytest.approx(linear.distance + np.log(200))
@@ -156,7 +159,7 @@ def test_each_of_two_curves_is_read_beside_the_other(which: int) -> None:
     assert linear.parameters["a"] == pytest.approx(numbers[0], rel=1e-6)
     assert linear.distance == pytest.approx(square, rel=1e-6)
     known = whole[:, mine] - whole[:, others] @ np.linalg.lstsq(whole[:, others], whole[:, mine], rcond=None)[0]
-    np.testing.assert_allclose(information(learned, which), known.T @ known, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(information(learned), known.T @ known, rtol=1e-8, atol=1e-8)
 
 
 def test_so_many_forms_are_likely_as_are_asked_for_or_as_cannot_be_told_apart(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -164,11 +167,11 @@ def test_so_many_forms_are_likely_as_are_asked_for_or_as_cannot_be_told_apart(mo
 
     costs = {"constant": -1.0, "a": 0.0, "b": 9.9, "c": 10.1, "d": 11.0}
     forms = [SimpleNamespace(form=SimpleNamespace(name=name), cost=lambda n, c=c: c + n) for name, c in costs.items()]
-    asked: list[int] = []
-    monkeypatch.setattr(module, "fit_closed_forms", lambda learned, which: asked.append(which) or forms)
+    asked: list[Any] = []
+    monkeypatch.setattr(module, "fit_closed_forms", lambda learned: asked.append(learned) or forms)
     learned: Any = SimpleNamespace(terms=(None, SimpleNamespace(argument=BEND)), samples=100)
 
     def likely(most: int) -> list[str]:
-        return [one.form.name for one in likely_forms(learned, most, 1)]
+        return [one.form.name for one in likely_forms(learned, most)]
 
-    assert likely(1) == ["a", "b"] and likely(3) == ["a", "b", "c"] and asked == [1, 1]
+    assert likely(1) == ["a", "b"] and likely(3) == ["a", "b", "c"] and asked == [learned, learned]

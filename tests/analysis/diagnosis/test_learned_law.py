@@ -96,7 +96,7 @@ def form_fit(name: str, bic: float, argument: Any = BEND, **values: float) -> Fo
     penalties = 0.3 * np.eye(BASIS.count)
     learned: Any = SimpleNamespace(
         terms=terms, freedom=3.5, z=np.zeros(3), curvature=NormalMatrix.of(root.T @ root),
-        penalty_of=lambda which: penalties if which == -1 else None,
+        penalty=np.kron(np.diag([9.0, 1.0]), penalties),
     )  # fmt: skip
     free = [
         (effect_named("tilt"), SimpleNamespace(name="angle_rad"), -1),
@@ -144,7 +144,7 @@ def test_a_learned_law_is_told_with_its_numbers_its_curve_and_what_it_may_be_ins
     at = np.linspace(-1e-3, 2e-3, 81)
     np.testing.assert_allclose(law.curve_argument, at)
     np.testing.assert_allclose(law.form_force_n, 200.0 * at * np.abs(at))
-    known = np.linalg.inv(information(best.learned, 1) + 0.3 * np.eye(BASIS.count))
+    known = np.linalg.inv(information(best.learned) + 0.3 * np.eye(BASIS.count))
     std = np.sqrt(np.diag(BASIS.design(at) @ known @ BASIS.design(at).T))
     np.testing.assert_allclose(law.curve_std_n, std, rtol=1e-6)
     assert law.visited == (BASIS.knots[0], BASIS.knots[-1]) and law.curve_unit == "m"

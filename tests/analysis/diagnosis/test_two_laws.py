@@ -55,7 +55,7 @@ def learned(
 
     curves = SimpleNamespace(bic=curves_bic, bics=None, with_last=lambda which: f"last {which}")
     monkeypatch.setattr(module, "two_curves", lambda *_, beat: [curves, *(also or [])])
-    monkeypatch.setattr(module, "likely_forms", lambda c, most, which: [f"{'ab'[which]}{k}" for k in range(3)])
+    monkeypatch.setattr(module, "likely_forms", lambda c, most: [f"{'ab'[int(c[-1])]}{k}" for k in range(3)])
     monkeypatch.setattr(module, "fit_forms", fit_forms)
     monkeypatch.setattr(module, "refit_resolving_kinks", lambda fitted, stop: kinks(fitted))
     monkeypatch.setattr(module, "without_effect", without)

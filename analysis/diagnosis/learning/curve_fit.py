@@ -15,9 +15,8 @@ import numpy as np
 
 from analysis.collision import Argument, Infeasible, graded_basis
 from analysis.compiled import side_by_side
-from analysis.diagnosis.learning.curve_equations import CurveEquations, whitened_residual
+from analysis.diagnosis.learning.curve_equations import CurveEquations, penalised_step, whitened_residual
 from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, displacements, motions, places_of
-from analysis.diagnosis.learning.penalised_step import penalised_step
 from analysis.inference import Fitted, Floor, NormalMatrix, Problem, free_to_move, white_floor
 from analysis.shot import Cancelled, Floats, Stop
 
@@ -204,7 +203,10 @@ def _fitted(
     for step in range(steps):
         if stop():
             raise Cancelled
-        here, went = _step_from(problem, here, damping)
+        went = _downhill(problem, here, damping)
+        if went.there is None and not here.fresh and went.predicted_fall > _SETTLED:  # as outdated derivatives promise
+            here = here.with_derivatives(problem)
+            went = _downhill(problem, here, damping)
         if went.there is None:
             break
         here, damping = went.there, went.damping
@@ -235,15 +237,6 @@ class _StepResult(NamedTuple):
     damping: float
     actual_fall: float
     predicted_fall: float
-
-
-def _step_from(problem: Problem, here: _SearchPoint, damping: float) -> tuple[_SearchPoint, _StepResult]:
-    """Return the point and a step downhill from it, with derivatives recomputed if no step falls as these promise."""
-    went = _downhill(problem, here, damping)
-    if went.there is None and not here.fresh and went.predicted_fall > _SETTLED:
-        here = here.with_derivatives(problem)
-        went = _downhill(problem, here, damping)
-    return here, went
 
 
 def _downhill(problem: Problem, here: _SearchPoint, damping: float) -> _StepResult:

@@ -8,9 +8,8 @@ import pytest
 from analysis.collision import Infeasible
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
-from analysis.diagnosis.learning.curve_equations import CurveEquations, whitened_residual
+from analysis.diagnosis.learning.curve_equations import CurveEquations, penalised_step, whitened_residual
 from analysis.diagnosis.learning.curve_motion import Term
-from analysis.diagnosis.learning.penalised_step import penalised_step
 from analysis.inference.model.arrow import Arrow
 
 PLACE = next(one for one in ARGUMENTS if (one.where, one.name) == ("block", "place"))

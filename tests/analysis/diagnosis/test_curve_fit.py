@@ -13,9 +13,8 @@ from analysis.collision import Infeasible
 from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
 from analysis.diagnosis.learning import curve_fit
-from analysis.diagnosis.learning.curve_equations import CurveEquations
+from analysis.diagnosis.learning.curve_equations import CurveEquations, penalised_step
 from analysis.diagnosis.learning.curve_motion import FitWithMotions, Motions, Term, fit_with_motions
-from analysis.diagnosis.learning.penalised_step import penalised_step
 from analysis.inference.fit.first_fit import base_fit, first_fit
 from analysis.inference.joint.joint_data import JointData
 from analysis.inference.model.arrow import Arrow

@@ -12,10 +12,10 @@ from analysis.collision.laws.arguments import ARGUMENTS
 from analysis.collision.laws.curve import Basis
 from analysis.collision.laws.forms import FORMS
 from analysis.diagnosis.learning.closed_forms import gauge, information, is_distinct_over, is_outside_base
+from analysis.diagnosis.learning.curve_equations import penalised_step
 from analysis.diagnosis.learning.curve_fit import Learned, _moved, _penalised
 from analysis.diagnosis.learning.curve_motion import Term
 from analysis.diagnosis.learning.learned_law import _as
-from analysis.diagnosis.learning.penalised_step import penalised_step
 from analysis.inference.model.normal_matrix import NormalMatrix
 
 PLACE = next(one for one in ARGUMENTS if (one.where, one.name) == ("block", "place"))

@@ -168,7 +168,7 @@ class BestFirst:
         if with_pairs is not likelier.searched:
             likelier.searched, likelier.named = with_pairs, None
         found = law.found
-        if found is None or not law.is_likelier_than(likelier.searched.best):
+        if found is None or found.fitted.bic >= likelier.bic - CRITERIA.form_excluded:
             return
         if branch is self._in_building and self._search.likelier_without_frame_motion(found.fitted):
             return

@@ -14,7 +14,7 @@ from analysis.diagnosis.findings.result import Diagnosis, Errors, Verdict
 from analysis.diagnosis.search.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict.alternatives import blind_spots, candidates
 from analysis.fitted import vibration_of
-from analysis.inference import Fitted, Floor, as_fit
+from analysis.inference import OWN_NAMES, Fitted, Floor, as_fit
 from analysis.shot import AnalysisError, Motion, Progress, Shot, Stop, VibrationSpectrum
 from levimass import PAPER_MODEL, base_model
 
@@ -136,6 +136,6 @@ def _held_out_errors(
     if not held_out or prediction is None:
         return None
     motions, shots = question.motions, explanation.before.problem.data.shots
-    own = 3 * len(held_out)  # speed, touch and offset of each
+    own = len(OWN_NAMES) * len(held_out)
     displacement_m, floor = prediction.displacement_m, explanation.after.noise
     return errors([motions[i] for i in held_out], [shots[i] for i in held_out], displacement_m, floor, own)

@@ -189,8 +189,7 @@ def look_alikes(table: Table, found: Regression, law: str) -> tuple[str, ...]:
         if candidate.gain_n2 * WORTH_A_FIT < taken:
             break
         with contextlib.suppress(AnalysisError):
-            laws = (*fewer.laws, *candidate.laws)
-            other = regress(table, laws, None, {**found.nonlinear, **candidate.nonlinear})
+            other = candidate.added_to(fewer, table)
             if bic_change(found, other, found.independent_samples) < CRITERIA.least_lead:
                 alike.append(candidate.laws[0])
     return tuple(alike)

@@ -13,7 +13,7 @@ from analysis.diagnosis.findings.result import Errors, PredictedShot, Prediction
 from analysis.drive import Repeatability, Table, force_noise, prediction_residual_n, rms
 from analysis.drive import prepare as prepare_drive
 from analysis.fitted import fit_jointly
-from analysis.inference import PLATE_NAMES, JointData, Point, Problem, averaged_shots, base_named, trials_of
+from analysis.inference import OWN_NAMES, PLATE_NAMES, JointData, Point, Problem, averaged_shots, base_named, trials_of
 from analysis.shot import (
     AnalysisError,
     Cancelled,
@@ -30,7 +30,6 @@ from analysis.shot import (
 from levimass import base_model
 
 Parameters = Mapping[str, Quantity]
-OWN = 3  # v_in, touch and offset: the parameters fitted to the shot itself
 
 
 def evaluate_predictions(shots: Sequence[Shot], model: SavedModel, stop: Stop | None = None) -> PredictionTest:
@@ -112,7 +111,7 @@ def _collision(motion: Motion, model: SavedModel, base: Parameters) -> tuple[Err
     fixed = {kind.effect: kind.fixed_in(kind.starts[0]) for kind in effects}
     whole = _own_fitted(Problem(data, effects, noise, fixed=fixed), model.parameters, start)
     learned, _ = whole[0].learn_noise(whole[0].residual_m(whole[1]))
-    own = OWN + sum(len(kind.own) for kind in along)
+    own = len(OWN_NAMES) + sum(len(kind.own) for kind in along)
     out = [errors([motion], data.shots, problem.full(problem.unpack(z)), learned, own) for problem, z in (bare, whole)]
     return out[0], out[1]
 

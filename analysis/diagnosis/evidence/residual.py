@@ -42,18 +42,13 @@ class Residual:
     correlation: float
     ratio: float
     size: float = 0.0  # of a significant shared shape, in units of the noise
-    misfit: LackOfFit = NO_MISFIT  # the freedom that the hypothesis misses most
+    misfit: LackOfFit = NO_MISFIT  # the freedom that the hypothesis misses most; a correct one misses none
     samples: int = 1
 
     @property
     def unexplained_norms(self) -> float:
         """Get the size of the significant part, shared shape or misfit, in units of the noise."""
-        return max(self.size, self.misfit.size if self.misfitting else 0.0)
-
-    @property
-    def misfitting(self) -> bool:
-        """Get whether the hypothesis needs a freedom that a correct one does not need."""
-        return self.misfit.significant
+        return max(self.size, self.misfit.size if self.misfit.significant else 0.0)
 
     @property
     def rough(self) -> bool:
@@ -63,7 +58,7 @@ class Residual:
     @property
     def significant(self) -> bool:
         """Get whether the residual is more than noise."""
-        return self.rough or self.coherence > self.limit or self.misfitting
+        return self.rough or self.coherence > self.limit or self.misfit.significant
 
     @property
     def faint(self) -> bool:
@@ -72,7 +67,7 @@ class Residual:
         Its chi^2 is below sqrt(2 n), the scatter of chi^2 of n samples, and below the least that a law must explain to
         be learned.  White noise looks like that in three of a thousand fits; a search for laws would be useless.
         """
-        if not self.misfitting or self.rough or self.coherence > self.limit:
+        if not self.misfit.significant or self.rough or self.coherence > self.limit:
             return False
         least_of_a_law = CRITERIA.law_fall + math.log(self.samples)
         return self.misfit.size**2 < min(math.sqrt(2.0 * self.samples), least_of_a_law)

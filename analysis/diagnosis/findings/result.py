@@ -61,11 +61,6 @@ class OtherForm:
     delta_bic: float
     curve_force_n: Floats | None = None
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the form as a JSON object of the result file."""
-        names = ("where", "argument", "form", "formula", "delta_bic")
-        return {name: getattr(self, name) for name in names}
-
 
 @dataclass(frozen=True, slots=True)
 class LearnedLaw:
@@ -111,7 +106,10 @@ class LearnedLaw:
             "parameters": {
                 name: {"value": q.value, "std": q.std, "unit": unit} for name, (q, unit) in self.parameters.items()
             },
-            "other_forms": [other.to_json() for other in self.other_forms],
+            "other_forms": [
+                {name: getattr(other, name) for name in ("where", "argument", "form", "formula", "delta_bic")}
+                for other in self.other_forms
+            ],
             "same_by_gauge": list(self.same_by_gauge),
             "curve": {
                 "argument": self.curve_argument.tolist(),

@@ -65,14 +65,6 @@ def forms_may_beat(beat: float, curves: Sequence[Learned], start: Fitted) -> boo
     return any(curve.least_form_bic - _SHORT * (start.bic - curve.least_form_bic) < beat for curve in curves)
 
 
-def free_curves(start: Fitted, tell: Progress, stop: Stop, beside: LearnedLaw | None = None) -> list[Learned]:
-    """Return the free curves that a law missing in ``start`` may have, the likeliest first; [] where no form may pay.
-
-    ``beside`` is a law already in ``start``.  Raises Cancelled.
-    """
-    return refine_contenders(start, rough_curves(start, tell, stop, beside), stop)
-
-
 def learn_law(
     start: Fitted,
     held: tuple[int, ...],
@@ -86,12 +78,12 @@ def learn_law(
     """Return the law that ``start`` lacks, or None where the shots show none.  Raises Cancelled.
 
     The validation shots ``held`` are predicted in turn.  A single shot shows no law, as it could not be tested.
-    ``beside`` is a law already in ``start``; ``curves`` are the ``free_curves`` of ``start`` where they are known.
+    ``beside`` is a law already in ``start``; ``curves`` are those of ``refine_contenders`` where they are known.
     """
     if len(start.problem.data.shots) < 2 or not held:
         return None
     if curves is None:
-        curves = free_curves(start, tell, stop, beside)
+        curves = refine_contenders(start, rough_curves(start, tell, stop, beside), stop)
     if not forms_may_beat(beat, curves, start):
         return None
     fits = _likeliest_forms(_fitted_forms(start, curves, tell, stop), stop)
@@ -156,7 +148,8 @@ def rough_curves(
 ) -> list[Learned]:
     """Fit a curve for every argument that a law missing in ``start`` may have, in a few ``steps``; the best first.
 
-    Other arguments as ``free_curves``.  ``where`` restricts the search to laws that act there (see ``Argument.where``).
+    ``beside`` is a law already in ``start``.  ``where`` restricts the search to laws that act there (see
+    ``Argument.where``).  Raises Cancelled.
     """
     known = (beside.where, beside.argument) if beside is not None else None
     arguments = [a for a in arguments_of(start) if (a.where, a.name) != known and where in ("", a.where)]

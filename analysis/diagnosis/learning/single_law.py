@@ -109,8 +109,3 @@ class SingleLaw:
             return False
         apart = separation(law.fitted, law.fitted.linearise(), law.laws[0].effect, catalogue, self.stop)
         return not apart.too_close(_SAME * apart.snr)
-
-    def is_likelier_than(self, named: Fitted) -> bool:
-        """Return whether the law is likelier than ``named`` effects by more than ``form_excluded``."""
-        law = self.found
-        return law is not None and law.fitted.bic < named.bic - CRITERIA.form_excluded

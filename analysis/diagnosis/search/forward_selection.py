@@ -276,7 +276,8 @@ def add_best_effect(
     """Return the best fit with one more effect, out of the ``width`` best scores; None where no effect scored."""
     at = trail.linearised(here)
     trail.last = at
-    free = _may_join(here, trail)
+    there = {*here.effects, *contained_effects(here.effects)}
+    free = [kind for kind in trail.catalogue if kind.effect not in there]
     ranked = _ranked(at, free, trail)
     if first:
         trail.scores.update({listed[0].kind.effect: listed[0] for listed in ranked})
@@ -357,12 +358,6 @@ def _refitted(at: Linearised, tried: Sequence[Score], stop: Stop) -> list[Fitted
 
         out += side_by_side(fit, tried[len(out) : len(out) + (2 if out else 1)])
     return out
-
-
-def _may_join(here: Fitted, trail: Trail) -> list[TrialEffect]:
-    """Return the effects of the catalogue that a fit neither has nor contains in a wider effect."""
-    there = {*here.effects, *contained_effects(here.effects)}
-    return [kind for kind in trail.catalogue if kind.effect not in there]
 
 
 def _ranked(at: Linearised, free: Sequence[TrialEffect], trail: Trail) -> list[list[Score]]:

@@ -104,7 +104,7 @@ def _pass(effects: list[FoundEffect], residual: Residual, best: Fitted) -> bool:
         by_chance = residual.misfit.size if best.noise.wander else 0.0
         return all(effect.evidence["snr"] > CRITERIA.clear_of_rest * by_chance for effect in effects)
     # Several effects may jointly imitate one that is none of them, and a misfit shows that the law is another one.
-    doubtful = len(effects) > 1 or residual.misfitting
+    doubtful = len(effects) > 1 or residual.misfit.significant
     times = CRITERIA.clear_of_misfit if doubtful else CRITERIA.clear_of_rest
     return all(exceeds_residual(effect, residual, times) for effect in effects)
 

@@ -145,6 +145,12 @@ def curve(bic: float) -> Any:
     return SimpleNamespace(bic=bic, least_form_bic=bic)
 
 
+def free_curves() -> Any:
+    start: Any = Fit(START)
+    rough = law_learning.rough_curves(start, lambda *_: None, calm)
+    return law_learning.refine_contenders(start, rough, calm)
+
+
 def alone(found: Discovery | None, patch: pytest.MonkeyPatch, nearest: float = 50.0, size: float = 100.0) -> SingleLaw:
     """Return a law that the shots show, with its size and how far the nearest row of the catalogue is from it."""
     patch.setattr(single_law, "rough_curves", lambda *_: [curve(895.0)])
@@ -172,13 +178,6 @@ def test_a_law_stands_instead_of_effects_where_it_explains_all_and_is_no_row_of_
 ) -> None:
     law = alone(found, monkeypatch, nearest, size)
     assert law.replaces_effects(cast(Any, Fit(900.0)), ()) is instead
-
-
-@pytest.mark.parametrize(("found", "ahead"), [(discovery(889.9), True), (discovery(890.1), False), (None, False)])
-def test_a_law_takes_the_place_of_named_effects_that_the_shots_exclude(
-    found: Discovery | None, ahead: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert alone(found, monkeypatch).is_likelier_than(cast(Any, Fit(900.0))) is ahead
 
 
 @pytest.mark.parametrize(
@@ -251,7 +250,7 @@ def test_only_arguments_that_may_still_come_to_the_front_are_searched_to_the_end
     monkeypatch.setattr(law_learning, "finer", lambda learned, *_: learned)
     arguments = [SimpleNamespace(name=name, where="block") for name in rough]
     monkeypatch.setattr(law_learning, "arguments_of", lambda _start: arguments)
-    found = law_learning.free_curves(cast(Any, Fit(START)), lambda *_: None, calm)
+    found = free_curves()
     assert sorted(led_on) == [900.0, 949.0] and [one.bic for one in found] == [900.0]
 
 
@@ -284,7 +283,7 @@ def test_where_no_curve_can_be_followed_from_the_fit_there_is_no_law(monkeypatch
 
     monkeypatch.setattr(law_learning, "fit_with_motions", infeasible)
     monkeypatch.setattr(law_learning, "arguments_of", lambda _start: [])
-    assert law_learning.free_curves(cast(Any, Fit(START)), lambda *_: None, calm) == []
+    assert free_curves() == []
 
 
 class Within:

@@ -68,7 +68,8 @@ class Screen:
 
     def curves(self, start: float = 1000.0, beside: Any = None) -> list[tuple[str, float]]:
         begin: Any = SimpleNamespace(bic=start)
-        found = module.free_curves(begin, lambda *what: self.told.append(what), calm, beside)
+        rough = module.rough_curves(begin, lambda *what: self.told.append(what), calm, beside)
+        found = module.refine_contenders(begin, rough, calm)
         return [(one.terms[-1].argument.name, one.bic) for one in found]
 
 

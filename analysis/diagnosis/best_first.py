@@ -14,6 +14,7 @@ from functools import partial
 
 from analysis.diagnosis.catalogue_search import Search, SearchResult
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
+from analysis.diagnosis.evidence.cross_validation import choose
 from analysis.diagnosis.explanation import Explanation, explain_with_effects
 from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
 from analysis.diagnosis.findings.result import Verdict
@@ -183,7 +184,7 @@ class BestFirst:
         if finely is not None:
             best, trail = finely
             branch.law = question.single_law_given(trail.start)
-        held_out = question.held_out(trail.start.problem.data, in_turn=best is not trail.start)
+        held_out = choose(trail.start.problem.data, in_turn=best is not trail.start)
         # where the best fit leaves a residual, a thorough search of a support's frequency is not worth its time
         best, given = at_likeliest_scale(best, trail, thoroughly=not branch.searched.leaves_something), best
         judged = residual if finely is None and best is given else None

@@ -12,7 +12,6 @@ from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.search.time_limit import Limit
 from analysis.inference import (
     Fitted,
-    JointData,
     Samples,
     SearchStart,
     Site,
@@ -31,15 +30,13 @@ from analysis.shot import Motion, Progress, Stop, VibrationSpectrum
 class DiagnosisInput:
     """Shots and settings of one diagnosis; quantities derived from them alone are computed once.
 
-    ``hold_out`` is the index of the only validation shot; None: they are chosen by speed.  ``progress`` is called with
-    the current step and the fraction done.
+    ``progress`` is called with the current step and the fraction done.
     """
 
     motions: Sequence[Motion]
     model: str
     named: Sequence[Effect]  # effects and laws already in the model
     laws: Sequence[Effect]  # user-defined, tried like the catalogue's effects
-    hold_out: int | None
     vibrations_read: Sequence[VibrationSpectrum | None] | None
     progress: Progress
     stop: Stop
@@ -74,13 +71,9 @@ class DiagnosisInput:
         """Get the start of every search: the first fit of the base model."""
         return first_fit(self.shots, self.model, self.site, self.stop)
 
-    def held_out(self, data: JointData, *, in_turn: bool = True) -> tuple[int, ...]:
-        """Return the indices of the validation shots, each predicted from all other shots."""
-        return choose(data, in_turn=in_turn) if self.hold_out is None else (self.hold_out,)
-
     def single_law_given(self, start: Fitted) -> SingleLaw:
         """Return the single law that ``start`` may lack; it is learned when first needed."""
-        return SingleLaw(start, self.held_out(start.problem.data), self.progress, self.stop, self.limit)
+        return SingleLaw(start, choose(start.problem.data), self.progress, self.stop, self.limit)
 
     @property
     def seconds(self) -> float:

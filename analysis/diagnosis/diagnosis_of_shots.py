@@ -25,7 +25,6 @@ def diagnose(
     model: str | None = None,
     accepted: Sequence[Effect | str] = (),
     laws: Sequence[Effect] = (),
-    hold_out: int | None = None,
     seconds: float = SECONDS,
     progress: Progress | None = None,
     cancelled: Stop | None = None,
@@ -34,10 +33,9 @@ def diagnose(
 
     ``model`` defaults to that of the shots' settings, and to "paper" for motions alone.  An effect of the catalogue
     may be given by its name.  ``laws`` are user-defined laws (``laws.user_law``), tried like the catalogue's effects.
-    ``hold_out`` is the index of the validation shot, which is predicted from the others (default: the slowest, a
-    middle one and the fastest in turn; of two, the slower).  Frame motion is taken from the shots' readings; for
-    motions alone it is read here.  After ``seconds`` on two cores, optional steps are left out: restarts of the
-    catalogue search, laws.  Errors are judged in displacement.
+    The slowest shot, a middle one and the fastest are predicted in turn from the others (of two, the slower).  Frame
+    motion is taken from the shots' readings; for motions alone it is read here.  After ``seconds`` on two cores,
+    optional steps are left out: restarts of the catalogue search, laws.  Errors are judged in displacement.
 
     Raises ValueError for an unknown model or effect and for shots of different base models, AnalysisError where there
     is nothing to judge, Cancelled when asked to stop.
@@ -54,7 +52,6 @@ def diagnose(
         model=model,
         named=effects_named(accepted),
         laws=laws,
-        hold_out=hold_out,
         vibrations_read=_vibrations(shots),
         progress=progress or (lambda _what, _fraction: None),
         stop=stop,

@@ -77,10 +77,10 @@ def learn_law(
 ) -> Discovery | None:
     """Return the law that ``start`` lacks, or None where the shots show none.  Raises Cancelled.
 
-    The validation shots ``held`` are predicted in turn.  A single shot shows no law, as it could not be tested.
+    The validation shots ``held`` are predicted in turn; without any, as of a single shot, a law could not be tested.
     ``beside`` is a law already in ``start``; ``curves`` are those of ``refine_contenders`` where they are known.
     """
-    if len(start.problem.data.shots) < 2 or not held:
+    if not held:
         return None
     if curves is None:
         curves = refine_contenders(start, rough_curves(start, tell, stop, beside), stop)

@@ -30,7 +30,10 @@ _HALF = 0.5  # progress shown for this step, since all other steps may still fol
 
 @dataclass(frozen=True)
 class SingleLaw:
-    """The single law that ``start`` lacks, learned when first needed; the validation shots ``held`` test it in turn."""
+    """The single law that ``start`` lacks, learned when first needed; the validation shots ``held`` test it in turn.
+
+    A single shot, without another to hold out, shows no law.
+    """
 
     start: Fitted
     held: tuple[int, ...]
@@ -41,7 +44,7 @@ class SingleLaw:
     @cached_property
     def rough(self) -> Sequence[Learned]:
         """Get a free curve for every argument after a few steps, the likeliest first."""
-        if not self._can_be_tested:
+        if not self.held:
             return []
         return self.limit.within(_STEP, lambda: rough_curves(self.start, self._tell_half, self.limit), [])
 
@@ -63,16 +66,12 @@ class SingleLaw:
 
         return self.limit.within(_STEP, learned, None) if self.curves else None
 
-    @property
-    def _can_be_tested(self) -> bool:
-        return len(self.start.problem.data.shots) > 1 and bool(self.held)
-
     def flight_law_may_beat(self, beat: float) -> bool:
         """Return whether one law that acts in flight may come below the BIC ``beat``, judged by one step of its curve.
 
         Cost: about 0.2 s.
         """
-        if not self._can_be_tested:
+        if not self.held:
             return False
         curves = partial(rough_curves, self.start, self._tell_half, self.limit, steps=1, where="block")
         none: list[Learned] = []

@@ -46,10 +46,6 @@ class DiagnosisInput:
         """Return the law that may be missing beside a fit."""
         return SimpleNamespace(beside=start, held=("held", start))
 
-    def held_out(self, data: Any, *, in_turn: bool = True) -> Any:
-        """Return the shots held out."""
-        return data, in_turn
-
 
 def explanation(*, explained: bool, bic: float = 0.0) -> Any:
     return SimpleNamespace(explained=explained, bic=bic, verdict=None, trail=None)
@@ -285,6 +281,7 @@ def test_effects_are_named_at_the_records_own_rate_and_the_likeliest_frequency(
         "at_likeliest_scale",
         lambda best, trail, *, thoroughly: ("elsewhere", best, trail, thoroughly) if moved else best,
     )
+    monkeypatch.setattr(module, "choose", lambda data, *, in_turn: (data, in_turn))
     monkeypatch.setattr(module, "settle", lambda *of: ("settled", of))
     monkeypatch.setattr(module, "explain_with_effects", lambda *of: of)
     given = searching(one, None)

@@ -20,7 +20,7 @@ LAW = law_from_table(
 
 def question(**changed: Any) -> DiagnosisInput:
     given: dict[str, Any] = {
-        "motions": "motions", "model": "paper", "named": (), "laws": (), "hold_out": None, "vibrations_read": "read",
+        "motions": "motions", "model": "paper", "named": (), "laws": (), "vibrations_read": "read",
         "progress": "tell", "stop": "stop", "limit": "limit",
     }  # fmt: skip
     return DiagnosisInput(**{**given, **changed})
@@ -45,14 +45,17 @@ def test_of_a_plate_that_does_not_move_only_what_has_a_meaning_there_is_tried() 
     assert two in [kind.effect for kind in kept] and len(kept) == len(some) + 1
 
 
-def test_the_shots_to_hold_out_are_chosen_or_given(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "choose", lambda data, *, in_turn: (data, in_turn))
-    data: Any = "data"
-    assert question().held_out(data) == (data, True) and question().held_out(data, in_turn=False) == (data, False)
-    assert question(hold_out=0).held_out(data) == (0,) == question(hold_out=0).held_out(data, in_turn=False)
-    start: Any = SimpleNamespace(problem=SimpleNamespace(data=data))
+def test_a_law_is_tested_by_the_shots_chosen_to_be_held_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "choose", lambda data: ("chosen of", data))
+    start: Any = SimpleNamespace(problem=SimpleNamespace(data="data"))
     law = question().single_law_given(start)
-    assert (law.start, law.held, law.tell, law.stop, law.limit) == (start, (data, True), "tell", "stop", "limit")  # type: ignore[comparison-overlap]
+    assert (law.start, law.held, law.tell, law.stop, law.limit) == (
+        start,
+        ("chosen of", "data"),
+        "tell",
+        "stop",
+        "limit",
+    )  # type: ignore[comparison-overlap]
 
 
 def test_what_shook_the_rig_and_where_a_search_begins_are_read_from_the_shots(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -46,16 +46,16 @@ def test_what_is_asked_of_shots(monkeypatch: pytest.MonkeyPatch) -> None:
 
     law: Any = "law"
     question = asked(
-        [shot("clamped", one), shot("clamped", two)], monkeypatch, accepted=("tilt",), laws=(law,), hold_out=1,
+        [shot("clamped", one), shot("clamped", two)], monkeypatch, accepted=("tilt",), laws=(law,),
         seconds=7.0, cancelled=stop,
     )  # fmt: skip
     assert list(question.motions) == [one, two] and question.model == "clamped"
-    assert list(question.named) == [TILT] and question.laws == (law,) and question.hold_out == 1
+    assert list(question.named) == [TILT] and question.laws == (law,)
     assert question.stop is stop and question.limit == ("limit", 7.0, stop)
     assert list(question.vibrations_read) == ["shaking clamped"] * 2
     alone = asked([one, shot("contact", two)], monkeypatch, model="no_tension")
     assert alone.model == "no_tension" and alone.vibrations_read is None and not alone.stop()
-    assert alone.limit[1] == module.SECONDS and alone.hold_out is None
+    assert alone.limit[1] == module.SECONDS
     assert (
         asked([one], monkeypatch).model == "paper"
         and asked([one, shot("contact", two)], monkeypatch).model == "contact"

@@ -31,17 +31,11 @@ class Fit:
     """A fit by its criterion."""
 
     bic: float
-    shots: int = 3
     converged: bool = True
     noise: str = "of this fit"
 
     def linearise(self) -> None:
         """Return nothing: what follows is replaced."""
-
-    @property
-    def problem(self) -> Any:
-        """Get the data, of so many shots."""
-        return SimpleNamespace(data=SimpleNamespace(shots=[None] * self.shots))
 
 
 @dataclass(frozen=True)
@@ -52,7 +46,6 @@ class Case:
     form: float = 890.0
     led_on: float | None = None  # the form brought to its end
     surprise: float = 9.0  # of the held-out shots; 10 without the law
-    shots: int = 3
     held: tuple[int, ...] = (0, 1, 2)
     beat: float = math.inf
 
@@ -84,7 +77,7 @@ class Case:
         patch.setattr(law_learning, "residual_of", lambda *_: NOTHING_LEFT)
         patch.setattr(law_learning, "predict", predict)
         patch.setattr(law_learning, "as_learned", as_learned)
-        start = cast(Any, Fit(START, self.shots, noise="of the start"))
+        start = cast(Any, Fit(START, noise="of the start"))
         return learn_law(start, self.held, lambda _what, _fraction: None, calm, beat=self.beat), named
 
 
@@ -99,8 +92,7 @@ class Case:
         (Case(curve=970.0, form=972.1, led_on=971.9), True),
         (Case(surprise=9.9), True),  # likelier held-out shots
         (Case(surprise=10.1), False),
-        (Case(shots=1), False),  # a single shot shows no law
-        (Case(held=()), False),
+        (Case(held=()), False),  # as of a single shot
         (Case(beat=881.0), True),  # a fifth more than the curve gained
         (Case(beat=879.0), False),
     ],
@@ -221,11 +213,8 @@ def test_a_law_whose_curve_stays_above_the_effects_is_not_learned(monkeypatch: p
         law.replaces_effects(cast(Any, Fit(885.0)), ())
 
 
-@pytest.mark.parametrize(("shots", "held"), [(1, (0,)), (3, ())])
-def test_one_shot_and_shots_that_none_predicts_show_no_curve(
-    shots: int, held: tuple[int, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    law = replace(alone(discovery(), monkeypatch), start=cast(Any, Fit(START, shots)), held=held)
+def test_shots_of_which_none_is_predicted_from_others_show_no_curve(monkeypatch: pytest.MonkeyPatch) -> None:
+    law = replace(alone(discovery(), monkeypatch), held=())
     assert law.curves == [] and law.found is None and not law.one_or_two_laws_may_beat(math.inf)
 
 
@@ -358,8 +347,7 @@ def test_one_step_of_a_law_in_flight_tells_whether_it_may_come_low_enough(
 
     monkeypatch.setattr(single_law, "rough_curves", rough_curves)
     limit: Any = Within()
-    shots = [1, 2] if can_be_tested else [1]
-    start: Any = SimpleNamespace(bic=START, problem=SimpleNamespace(data=SimpleNamespace(shots=shots)))
-    law = single_law.SingleLaw(start, (1,), lambda *_: None, calm, limit)
+    start: Any = SimpleNamespace(bic=START)
+    law = single_law.SingleLaw(start, (1,) if can_be_tested else (), lambda *_: None, calm, limit)
     assert law.flight_law_may_beat(START - 200.0) is (reaches and can_be_tested)
     assert asked == ([{"steps": 1, "where": "block"}] if can_be_tested else [])

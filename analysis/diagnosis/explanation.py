@@ -77,6 +77,7 @@ def explain_with_effects(
         best, linearised = fewer, trail.linearised(fewer)
         residual, separations = residual_of(best, linearised), separations_of(best, linearised, trail)
     named = bool(effects) or verdict is Verdict.ADEQUATE
+    imitating = () if named else trail.added(best)  # what comes near without having passed every gate
     return Explanation(
         verdict=verdict,
         trail=trail,
@@ -84,7 +85,7 @@ def explain_with_effects(
         linearised=linearised,
         after=sure if effects else trail.start,
         effects=tuple(effects),
-        remainder=remainder(best, residual) if named else _imitated(best, trail, residual),
+        remainder=(remainder_of(trail.start, residual.misfit, imitating) if imitating else remainder(best, residual)),
         held_out=held_out,
         predictions=_predictions_of(best, settled, held_out, question.stop),
         imitations=() if named else tuple(found),
@@ -123,9 +124,3 @@ def _found(
 def remainder(fitted: Fitted, residual: Residual) -> Remainder | None:
     """Describe a fit's residual; None where it is noise."""
     return remainder_of(fitted, residual.misfit) if residual.significant else None
-
-
-def _imitated(best: Fitted, trail: Trail, residual: Residual) -> Remainder | None:
-    """Describe the residual of the model before, with the effects that imitate it but did not pass every gate."""
-    imitating = trail.added(best)
-    return remainder_of(trail.start, residual.misfit, imitating) if imitating else remainder(best, residual)

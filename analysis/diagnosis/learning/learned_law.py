@@ -42,13 +42,9 @@ class FormFit:
         assert isinstance(law, UserLaw)
         return law
 
-    def values(self) -> dict[str, float]:
-        """Return the law's parameters as fitted."""
-        return dict(self.fitted.point.values[0][self.law])
-
     def curve(self, at: Floats) -> Floats:
         """Return the form's curve in N at arguments ``at``, any shape."""
-        return self.form.form.values(at, self.values())
+        return self.form.form.values(at, dict(self.fitted.point.values[0][self.law]))
 
 
 def as_learned(

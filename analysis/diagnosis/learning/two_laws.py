@@ -4,6 +4,7 @@ One law alone absorbs part of the other, and may then have the wrong argument or
 fitted jointly do not.  Forms are fitted to each curve with the other curve free, then the forms are fitted jointly.
 """
 
+import itertools
 import math
 from collections.abc import Iterable
 
@@ -73,13 +74,15 @@ def learn_second_law(
 
 
 class _Pairs:
-    """Pairs of closed forms in place of two curves, with the fits made so far."""
+    """Pairs of closed forms in place of two curves, with the fits made so far: at first those nearest to the curves."""
 
     def __init__(self, start: Fitted, curves: Learned, stop: Stop) -> None:
         self.curves, self._start, self._stop = curves, start, stop
         self._with_last = [curves.with_last(which) for which in (0, 1)]
         self.forms = [likely_forms(one, _FORMS) for one in self._with_last]
         self.fits: dict[tuple[int, int], Fitted] = {}
+        first, other = (range(min(_AT_FIRST, len(one))) for one in self.forms)
+        self.fit(itertools.product(first, other))
 
     def fit(self, pairs: Iterable[tuple[int, int]]) -> None:
         """Fit pairs of forms, given by their indices, unless they were fitted before."""
@@ -87,11 +90,6 @@ class _Pairs:
         each = [(self.forms[0][i], self.forms[1][j]) for i, j in new]
         fits = fit_forms(self._start, self.curves, each, self._stop, beat=self.curves.bic)
         self.fits.update({pair: one for pair, one in zip(new, fits, strict=True) if one is not None})
-
-    def fit_nearest(self) -> None:
-        """Fit the pairs of the forms that are nearest to either curve."""
-        first, other = (range(min(_AT_FIRST, len(one))) for one in self.forms)
-        self.fit((i, j) for i in first for j in other)
 
     def fit_with_best(self) -> None:
         """Fit all forms of either law with the best of the other, and continue those near the best to convergence."""
@@ -126,10 +124,7 @@ def learn_two(start: Fitted, held: tuple[int, ...], stop: Stop, *, beat: float =
     curves = two_curves(start, stop, beat=beat)
     if not curves or curves[0].bic > start.bic - 2 * CRITERIA.law_fall:
         return None
-    every = [_Pairs(start, one, stop) for one in curves]
-    for one in every:
-        one.fit_nearest()
-    pairs = min(every, key=lambda one: one.bic)
+    pairs = min((_Pairs(start, one, stop) for one in curves), key=lambda one: one.bic)
     if not pairs.fits or min(curves[0].bic, pairs.bic) > beat:
         return None
     pairs.fit_with_best()

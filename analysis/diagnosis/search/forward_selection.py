@@ -1,5 +1,6 @@
 """Forward selection of effects: score all, fit the best jointly from several starts, keep those that pay."""
 
+import contextlib
 import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
@@ -222,24 +223,21 @@ def replace_by_wider(here: Fitted, trail: Trail) -> Fitted:
 
 def wider_fits(here: Fitted, effect: Effect, stop: Stop) -> list[Fitted]:
     """Return the fits with one effect replaced by each of its wider variants, started at its parameters."""
-    base = here.problem.data.base
+    found, before, effective = [], here.problem, here.effective
+    base = before.data.base
     rows = [row for row in WIDER_EFFECTS.values() if row.widens == effect.key and base.allows(row)]
-    found = [_widened(here, effect, trial_effect(row), stop) for row in rows]
-    return [fitted for fitted in found if fitted is not None]
-
-
-def _widened(here: Fitted, narrow: Effect, kind: TrialEffect, stop: Stop) -> Fitted | None:
-    effects = (kind if one.effect == narrow else one for one in here.problem.effects)
-    problem = here.problem.with_effects(effects, here.problem.without_effect(narrow).fixed)
-    effective = here.effective
-    values = tuple(
-        {key: given for key, given in of.items() if key != narrow} | {kind.effect: {**kind.starts[0], **of[narrow]}}
-        for of in effective.values
-    )
-    try:
-        return problem.fit(problem.pack_effective(Point(effective.base, effective.own, values)), cancelled=stop)
-    except Infeasible:
-        return None
+    for row in rows:
+        kind = trial_effect(row)
+        effects = (kind if one.effect == effect else one for one in before.effects)
+        problem = before.with_effects(effects, before.without_effect(effect).fixed)
+        values = tuple(
+            {key: given for key, given in of.items() if key != effect} | {row: {**kind.starts[0], **of[effect]}}
+            for of in effective.values
+        )
+        z = problem.pack_effective(Point(effective.base, effective.own, values))
+        with contextlib.suppress(Infeasible):
+            found.append(problem.fit(z, cancelled=stop))
+    return found
 
 
 def better(fitted: Fitted, other: Fitted) -> bool:

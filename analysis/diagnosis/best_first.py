@@ -15,6 +15,7 @@ from functools import partial
 from analysis.diagnosis.catalogue_search import Search, SearchResult
 from analysis.diagnosis.diagnosis_input import DiagnosisInput
 from analysis.diagnosis.evidence.cross_validation import choose
+from analysis.diagnosis.evidence.residual import residual_of
 from analysis.diagnosis.explanation import Explanation, explain_with_effects
 from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
 from analysis.diagnosis.findings.result import Verdict
@@ -211,8 +212,9 @@ class BestFirst:
     def _without_effects(self, branch: Branch) -> Explanation:
         """Return the explanation of a branch with no catalogue effect named."""
         trail = branch.searched.trail
-        settled = GatedFit.nothing(trail.start, trail.linearised(trail.start))
-        return explain_with_effects(self._question, trail, settled, branch.law.held)
+        start, at = trail.start, trail.linearised(trail.start)
+        bare = GatedFit(start, at, {}, residual_of(start, at), None, start)
+        return explain_with_effects(self._question, trail, bare, branch.law.held)
 
     def _end_with(self, explanation: Explanation) -> None:
         self._answer = explanation

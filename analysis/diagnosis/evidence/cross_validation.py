@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -109,7 +108,8 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
         there[own] += one.square(z).followed(there - z, own)
         found = one.predict(there, shared, evaluations=10, tolerance=1e-2)
         end = found.square
-        assert end.residual is not None and end.pull is not None
+        residual, pull = end.residual, end.pull
+        assert residual is not None and pull is not None
         known = None if covariance is None else covariance[np.ix_(learned_at, learned_at)]
         uncertainty = _PredictionUncertainty.of(end.curvature.dense(), shared, known)
         shown = one.full(one.unpack(found.parameters))[0]
@@ -121,8 +121,8 @@ def _predict(fitted: Fitted, held: int, floor: Floor, stop: Stop) -> Prediction 
             (shown,),
             uncertainty.chi2(end.chi2, end.gradient) + uncertainty.log_volume + float(paid),
             float(np.sqrt(np.mean(off**2))),
-            end.residual,
-            partial(uncertainty.chi2_of, end.pull),
+            residual,
+            lambda difference: uncertainty.chi2(float(difference @ difference), pull(difference)),
         )
     except (Infeasible, np.linalg.LinAlgError):
         return None
@@ -196,7 +196,3 @@ class _PredictionUncertainty:
         """Return chi^2 of a difference given this uncertainty, from its ``plain`` chi^2 and its ``gradient``."""
         along = self.root.T @ gradient
         return float(plain - along @ np.linalg.solve(self.both, along))
-
-    def chi2_of(self, pull: Callable[[Floats], Floats], difference: Floats) -> float:
-        """Return chi^2 of a ``difference`` in units of the noise; ``pull`` gives its gradient."""
-        return self.chi2(float(difference @ difference), pull(difference))

@@ -34,29 +34,21 @@ MEMBERS = (
 )
 
 
-def member(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> Member | None:
-    """Return the contact law of the literature whose exponents were found, or None."""
-    force, damping = _force(effects, laws), _damping(effects, laws)
-    if force is None and damping is None:
-        return None
-    for one in MEMBERS:
-        meets_damping = damping is None if one.damping is None else _meets(damping, one.damping)
-        if meets_damping and _meets(force or Quantity(1.0, 0.0, "the base model's"), one.force):
-            return one
-    return None
-
-
 def sentence(effects: Sequence[FoundEffect], laws: Sequence[LearnedLaw]) -> str:
     """Return a sentence that names the contact law that was found, or an empty string.
 
     The catalogue's damping assumes its exponent, and the sentence says so: small damping fits other exponents too.
     """
-    met = member(effects, laws)
-    if met is None:
+    force, damping = _force(effects, laws), _damping(effects, laws)
+    if force is None and damping is None:
         return ""
-    if any(effect.name == _ROW for effect in effects):
-        return f" Its form is that of {met.words}; other exponents of the damping were not tried."
-    return f" Its exponents are those of {met.words}."
+    for one in MEMBERS:
+        meets_damping = damping is None if one.damping is None else _meets(damping, one.damping)
+        if meets_damping and _meets(force or Quantity(1.0, 0.0, "the base model's"), one.force):
+            if any(effect.name == _ROW for effect in effects):
+                return f" Its form is that of {one.words}; other exponents of the damping were not tried."
+            return f" Its exponents are those of {one.words}."
+    return ""
 
 
 def _meets(found: Quantity | None, exponent: float) -> bool:

@@ -12,12 +12,11 @@ from analysis.diagnosis.evidence.identifiability import Separation, separation
 from analysis.diagnosis.evidence.residual import Residual, residual_of
 from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.search.forward_selection import Trail, better, without
-from analysis.diagnosis.search.scale_maxima import apart
+from analysis.diagnosis.search.scale_maxima import Start, apart
 from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 from analysis.shot import Cancelled, Stop
 
 Separations = Mapping[Effect, Separation]
-Start = tuple[Mapping[str, float], ...]  # an effect's values per shot
 
 _FITTED = 2  # look-alikes fitted per effect, at most
 _SCORED = 2  # maximum number of starts by score: a slow viscoelastic arm is another maximum than a fast one

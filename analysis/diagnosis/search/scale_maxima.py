@@ -18,7 +18,7 @@ from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.search.forward_selection import WORTH_FINISHING, Trail, better, converge, without
 from analysis.inference import Fitted, Linearised, TrialEffect, distinct_starts, refit
 
-Start = tuple[Mapping[str, float], ...]  # an effect's values for each shot
+Start = tuple[Mapping[str, float], ...]  # an effect's values per shot
 _SCALES = ("frequency_hz", "range_m")  # parameters that set an effect's scale in time or space
 _APART = 0.06  # in the logarithm: scores closer than this belong to the same maximum ...
 _SAME = 0.02  # ... and fits closer than this

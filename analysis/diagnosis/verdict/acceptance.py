@@ -129,11 +129,6 @@ class GatedFit:
     predictions: Predictions | None
     predicted: Fitted
 
-    @classmethod
-    def nothing(cls, start: Fitted, linearised: Linearised) -> "GatedFit":
-        """Return the start of a search as the settled fit, without any effect that the search found."""
-        return cls(start, linearised, {}, residual_of(start, linearised), None, start)
-
 
 def settle(
     best: Fitted,

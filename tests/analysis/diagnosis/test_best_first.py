@@ -299,8 +299,8 @@ def test_effects_are_named_at_the_records_own_rate_and_the_likeliest_frequency(
 def test_a_branch_is_completed_from_what_is_named_and_only_where_it_may_win(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "explain_with_laws", lambda *of, **more: (*of, more))
     monkeypatch.setattr(module, "explain_with_effects", lambda *of: of)
-    settled: Any = SimpleNamespace(nothing=lambda *of: of)
-    monkeypatch.setattr(module, "GatedFit", settled)
+    monkeypatch.setattr(module, "GatedFit", lambda *of: of)
+    monkeypatch.setattr(module, "residual_of", lambda fitted, at: ("residual of", fitted, at))
     given: Any = searching(None, None)
     monkeypatch.setattr(given, "_name", lambda branch: setattr(branch, "named", ("named", branch.searched)))
     one = branch(60.0)
@@ -318,7 +318,8 @@ def test_a_branch_is_completed_from_what_is_named_and_only_where_it_may_win(monk
     assert one.complete == (one.named, one.law, {"beat": 20.1})
     given._complete_where_it_may_win(one := branch(60.0), 19.9)
     trail = one.searched.trail
-    bare = (trail.start, ("linear", trail.start))
+    start, at = trail.start, ("linear", trail.start)
+    bare = (start, at, {}, ("residual of", start, at), None, start)
     assert one.named == (given._question, trail, bare, "held by law")
     assert one.complete == (one.named, one.law, {"beat": 19.9})
     given._search_on(one := SimpleNamespace(searched=first))

@@ -15,7 +15,7 @@ from analysis.diagnosis.search.time_limit import SECONDS, Limit
 from analysis.diagnosis.verdict.alternatives import blind_spots, candidates
 from analysis.fitted import vibration_of
 from analysis.inference import OWN_NAMES, Fitted, Floor, as_fit
-from analysis.shot import AnalysisError, Motion, Progress, Shot, Stop, VibrationSpectrum
+from analysis.shot import AnalysisError, Motion, Progress, Shot, Stop
 from levimass import PAPER_MODEL, base_model
 
 
@@ -47,12 +47,13 @@ def diagnose(
     if not base_model(model).collides:
         return diagnose_driven(motions, accepted, progress, cancelled)
     stop = cancelled or (lambda: False)
+    vibrations = [vibration_of(shot) for shot in shots if isinstance(shot, Shot)]
     question = DiagnosisInput(
         motions=motions,
         model=model,
         named=effects_named(accepted),
         laws=laws,
-        vibrations_read=_vibrations(shots),
+        vibrations_read=vibrations if len(vibrations) == len(shots) else None,  # None: some are motions alone
         progress=progress or (lambda _what, _fraction: None),
         stop=stop,
         limit=Limit(seconds, stop),
@@ -74,12 +75,6 @@ def _model(shots: Sequence[Shot | Motion]) -> str:
     if len(models) > 1:
         raise ValueError(f"the shots have different base models: {', '.join(sorted(models))}")
     return models.pop() if models else PAPER_MODEL
-
-
-def _vibrations(shots: Sequence[Shot | Motion]) -> Sequence[VibrationSpectrum | None] | None:
-    """Return each shot's frame motion from its reading; None where any motion was given without a shot."""
-    read = [vibration_of(shot) for shot in shots if isinstance(shot, Shot)]
-    return read if len(read) == len(shots) else None
 
 
 def _diagnosis(question: DiagnosisInput, explanation: Explanation) -> Diagnosis:

@@ -46,7 +46,8 @@ def fit_closed_forms(learned: Learned) -> list[Fitting]:
     knots = np.array(term.basis.knots)
     fine = np.unique(np.concatenate([np.linspace(a, b, _FINE) for a, b in itertools.pairwise(knots)]))
     into = np.asarray(np.linalg.pinv(term.basis.design(fine)), dtype=np.float64)  # maps ``fine`` to coefficients
-    root = _root(information(learned))
+    weights, directions = np.linalg.eigh(information(learned))
+    root: Floats = np.asarray((directions * np.sqrt(np.maximum(weights, 0.0))).T)  # coefficients to units of the noise
     target = root @ term.coefficients
     columns = root @ (into @ gauge(term.argument, fine))
     basis = orthonormal(columns) if columns.shape[1] else columns
@@ -96,11 +97,6 @@ def information(learned: Learned) -> Floats:
     followed = learned.curvature.followed(mine, ~np.isin(of_all, mine))
     left = np.stack([(learned.curvature @ moves)[mine] for moves in followed.T])
     return np.asarray(0.5 * (left + left.T))
-
-
-def _root(information_: Floats) -> Floats:
-    values, vectors = np.linalg.eigh(information_)
-    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))).T)
 
 
 def gauge(argument: Argument, at: Floats) -> Floats:

@@ -217,11 +217,8 @@ def _fitted(
         if went.actual_fall < _FAITHFUL * went.predicted_fall and went.predicted_fall > _SETTLED and step < steps - 1:
             here = here.with_derivatives(problem)
         damping *= _EASING if damping > _DAMPINGS[1] else 0.0
-    return _learned_at(here.with_derivatives(problem) if to_the_end else here, problem)
-
-
-def _learned_at(here: _SearchPoint, problem: Problem) -> Learned:
-    """Return the fit that ends at a point, under the noise learned there."""
+    if to_the_end:
+        here = here.with_derivatives(problem)
     left = here.left_m(problem)
     noise, value = problem.learn_noise(left, problem.noise)
     problem = problem.with_noise(noise)

@@ -142,7 +142,7 @@ def settle(
     Restart also where the noise wanders in contact but not in flight: that wander may be a further effect.  The better
     of both fits is returned.  ``residual`` is that of ``best``, where it is known.
     """
-    settled = _settled(best, trail, held_out, progress, residual)
+    settled = _through_gates(best, trail, held_out, progress, residual)
     wanders = settled.best.wanders_only_in_contact
     if not settled.residual.significant and not wanders:
         return settled
@@ -152,12 +152,12 @@ def settle(
     other = trail.within(what, lambda: restart_from_other_effects(settled.best, trail, firsts), settled.best)
     if not better(other, settled.best):
         return settled
-    again = _settled(other, trail, held_out, lambda _what, _fraction: None)
+    again = _through_gates(other, trail, held_out, lambda _what, _fraction: None)
     calmer = not again.residual.significant and again.best is not trail.start
     return again if calmer or better(again.best, settled.best) else settled
 
 
-def _settled(
+def _through_gates(
     best: Fitted, trail: Trail, held_out: tuple[int, ...], progress: Progress, known: Residual | None = None
 ) -> GatedFit:
     progress("predicting a held-out shot", 0.55)

@@ -15,6 +15,7 @@ from analysis.shot import (
     AnalysisError,
     AnalysisSettings,
     Cancelled,
+    ChannelsSwapped,
     Motion,
     NotSeen,
     Progress,
@@ -59,11 +60,11 @@ def read(
     seconds = {"load": load_seconds}
     started = time.perf_counter()
     motion: Motion | None = None
-    problem: str | None = None
+    problem: AnalysisError | None = None
     try:
         motion = demodulate(recording, settings, progress, cancelled)
     except AnalysisError as error:
-        problem = str(error)
+        problem = error
     seconds["demodulate"] = time.perf_counter() - started
     shot = Shot(
         name=recording.name,
@@ -77,7 +78,8 @@ def read(
         impact=None,
         fit=None,
         flags=_merged(recording.flags, motion.flags if motion else ()),
-        problem=problem,
+        problem=None if problem is None else str(problem),
+        channels_swapped=isinstance(problem, ChannelsSwapped),
         started_at=recording.started_at,
         note=recording.note,
         seconds=seconds,

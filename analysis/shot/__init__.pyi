@@ -64,6 +64,7 @@ from .shot import PLOT_UNITS as PLOT_UNITS
 from .shot import AnalysisError as AnalysisError
 from .shot import AnalysisSettings as AnalysisSettings
 from .shot import Cancelled as Cancelled
+from .shot import ChannelsSwapped as ChannelsSwapped
 from .shot import PlotNote as PlotNote
 from .shot import Progress as Progress
 from .shot import Shot as Shot

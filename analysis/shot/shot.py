@@ -39,6 +39,10 @@ class AnalysisError(Exception):
     """The shot could not be analysed; the message gives the reason in one line."""
 
 
+class ChannelsSwapped(AnalysisError):
+    """The cables of PD0 and PD1, or the roles of their channels, are swapped."""
+
+
 class Cancelled(Exception):
     """The caller asked the analysis to stop."""
 
@@ -74,6 +78,7 @@ class Shot:
     readings_fit: Fit | None = None  # a diagnosis's fit, used for readings that need a model; None: use ``fit``
     flags: tuple[str, ...] = ()
     problem: str | None = None
+    channels_swapped: bool = False  # True: this is the problem
     fit_problem: str | None = None  # why the fit failed although the impact was read
     fit_stopped: bool = False  # True: the fit was stopped before its end and may be repeated
     started_at: str | None = None

@@ -10,6 +10,7 @@ from analysis.shot import (
     AnalysisError,
     AnalysisSettings,
     BeatQuality,
+    ChannelsSwapped,
     Floats,
     Motion,
     Progress,
@@ -73,7 +74,7 @@ def demodulate(
 
 
 def _surveys(recording: Recording) -> tuple[Survey, Survey | None]:
-    """Return the surveys of PD1 and of PD0 (None without PD0).  Raises AnalysisError if their cables are swapped."""
+    """Return the surveys of PD1 and of PD0 (None without PD0).  Raises ChannelsSwapped."""
     rate, bits = recording.sample_rate_hz, recording.setup.digitizer_bits
     moving = survey(recording.counts_of(Role.MEASUREMENT), rate, bits, "measurement channel")
     if recording.column(Role.REFERENCE) is None:
@@ -81,7 +82,7 @@ def _surveys(recording: Recording) -> tuple[Survey, Survey | None]:
     rest = survey(recording.counts_of(Role.REFERENCE), rate, bits, "reference channel")
     moved = swapped_cables_span_hz(moving, rest)
     if moved is not None:
-        raise AnalysisError(
+        raise ChannelsSwapped(
             f"PD0's beat moves by {1e-3 * moved:.0f} kHz and PD1's stands still: their cables are swapped, or the "
             "roles of the channels"
         )

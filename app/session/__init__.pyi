@@ -2,7 +2,6 @@ from .candidate_residuals import CandidateResidual as CandidateResidual
 from .candidate_residuals import by_evidence as by_evidence
 from .channel_guess import ChannelKind as ChannelKind
 from .channel_guess import ChannelSummary as ChannelSummary
-from .channel_guess import is_swapped as is_swapped
 from .channel_guess import proposed_roles as proposed_roles
 from .channel_guess import summarise_channels as summarise_channels
 from .entry import Entry as Entry

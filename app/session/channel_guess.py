@@ -9,7 +9,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from analysis.shot import Floats, Role, Shot
+from analysis.shot import Floats, Role
 from instrument.files import ForeignChannel, ForeignColumn, ForeignContents, foreign_columns
 
 USED_SAMPLES = 2**22  # samples used of each channel
@@ -115,11 +115,3 @@ def _lines(values: Floats) -> Floats:
             shift = 0.5 * (a - c) / (a - 2 * b + c) if a - 2 * b + c < 0 else 0.0
             found.append((top + shift) / length)
     return np.array(found)
-
-
-SWAPPED = "swapped"  # contained in the demodulation's error if PD0's beat varies and PD1's is constant
-
-
-def is_swapped(shot: Shot | None) -> bool:
-    """Return whether a shot could not be analysed because its PD0 and PD1 are swapped."""
-    return shot is not None and shot.problem is not None and SWAPPED in shot.problem

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Role
-from app.session.channel_guess import PART, PARTS, ChannelKind, _lines, is_swapped, proposed_roles, summarise_channels
+from app.session.channel_guess import PART, PARTS, ChannelKind, _lines, proposed_roles, summarise_channels
 from app.session.load import load_and_analyse
 from app.session.session import Session
 from app.session.settings_store import SettingsStore
@@ -111,8 +111,8 @@ def test_a_recording_with_swapped_beats_says_so_whatever_its_speed(tmp_path, spe
     other = {Role.REFERENCE: Role.MEASUREMENT, Role.MEASUREMENT: Role.REFERENCE}
     channels = tuple(replace(channel, role=other.get(channel.role, channel.role)) for channel in recording.channels)
     write_recording(replace(recording, channels=channels), tmp_path / "swapped")
-    assert is_swapped(load_and_analyse(tmp_path / "swapped.sigmf-meta"))
-    assert not is_swapped(synthetic.shot())
+    assert load_and_analyse(tmp_path / "swapped.sigmf-meta").channels_swapped
+    assert not synthetic.shot().channels_swapped
 
 
 @pytest.mark.parametrize("periods", [3.0, 10.3, 100.7, 0.45 * PART])

@@ -8,7 +8,7 @@ from PySide6.QtGui import QGuiApplication
 from PySide6.QtPrintSupport import QPrintDialog, QPrinter
 
 from app.report import document_of
-from app.session import Event, EventKind, SettingsStore, Workbench, is_swapped
+from app.session import Event, EventKind, SettingsStore, Workbench
 from app.window.controls.file_dialog import FileDialogs, PathKind, ask
 from app.window.controls.theme import Tone
 from app.window.panels.layout import Layout
@@ -111,7 +111,7 @@ class SessionPresenter(QObject):
         """Offer to exchange PD0 and PD1 of shots in which the analysis found them swapped."""
         for number in numbers:
             entry = self._workbench.session.entry(number)
-            if entry is None or entry.path is None or not is_swapped(entry.shot):
+            if entry is None or entry.path is None or entry.shot is None or not entry.shot.channels_swapped:
                 continue
             path = Path(entry.path)
             if is_foreign(path):

@@ -25,6 +25,8 @@ from analysis.collision import (
     LinearPath,
     SensorInput,
     Trajectory,
+    V,
+    X,
     active_effects,
     averaged,
     chain_matrix,
@@ -147,8 +149,11 @@ def respond(
     run = _solved(shot, time_s, acting, stride, inner)
     by_names = chain_matrix(chains, shot.names, shot.base.columns(shot.samples.plate_number)) if chains else None
     x, (columns, slope) = run.displacement_m, _slopes_of_motion(shot, run, wanted, by_names)
+    # an average over several samples does not determine the displacement at each of them
+    measured_m = shot.samples.displacement_m if shot.samples.factor == 1 else None
+    seen = _sensor_input(shot.samples, time_s, run.velocity_m_per_s, measured_m)
     for effect in seeing:
-        x, columns = _through_sensor(effect, shot, time_s, run.velocity_m_per_s, x, columns)
+        x, columns = _through_sensor(effect, shot.values[effect], seen, x, columns, shot.names)
     if derivatives:
         columns[:, shot.names.index("offset_m")] = 1.0
     left = block // inner
@@ -203,18 +208,41 @@ def _solved(shot: ShotModel, time_s: Floats, directions: Sequence[int], stride: 
     return solve(collision, shot.active, times, directions=directions, stride=stride, block=block, rates=shot.rates)
 
 
-def _through_sensor(
-    effect: Effect, shot: ShotModel, time_s: Floats, velocity_m_per_s: Floats, x: Floats, columns: Floats
-) -> tuple[Floats, Floats]:
-    """Return displacement and derivatives after one sensor effect (derivatives by complex steps)."""
-    assert effect.sensor is not None
-    samples, names = shot.samples, shot.names
+def change_shown(shot: ShotModel, path: LinearPath, change: Floats) -> Floats:
+    """Return small changes, shape (n, k), of the block's position along a shot's ``path`` as the optics show them.
+
+    All times are the centres of the averaged samples.
+    """
+    seeing = sensor_effects(shot.values)
+    if not seeing:
+        return change
+    x, v = np.empty(len(change)), np.empty(len(change))
+    x[:], v[:] = path.effect_inputs[0, 0, X], path.effect_inputs[0, 0, V]
+    at = path.sample >= 0
+    x[path.sample[at]], v[path.sample[at]] = path.effect_inputs[at, 2, X], path.effect_inputs[at, 2, V]
+    seen = _sensor_input(shot.samples, shot.samples.centre_s, v)
+    for effect in seeing:
+        x, change = _through_sensor(effect, shot.values[effect], seen, x, change, ())
+    return change
+
+
+def _sensor_input(
+    samples: Samples, time_s: Floats, velocity_m_per_s: Floats, measured_m: Floats | None = None
+) -> SensorInput:
     wavelength_m, rate_hz = samples.wavelength_m or DEFAULT_WAVELENGTH_AIR_M, samples.factor / samples.spacing_s
-    # an average over several samples does not determine the displacement at each of them
-    measured_m = samples.displacement_m if samples.factor == 1 else None
-    seen = SensorInput(time_s, velocity_m_per_s, wavelength_m, rate_hz, measured_m)
+    return SensorInput(time_s, velocity_m_per_s, wavelength_m, rate_hz, measured_m)
+
+
+def _through_sensor(
+    effect: Effect, given: Mapping[str, float], seen: SensorInput, x: Floats, columns: Floats, names: Sequence[str]
+) -> tuple[Floats, Floats]:
+    """Return displacement and derivatives after one sensor effect (derivatives by complex steps).
+
+    ``columns``, shape (n, p), are the derivatives before; those by the effect's own parameters in ``names`` are added.
+    """
+    assert effect.sensor is not None
     own = np.zeros((max(3, len(effect.parameters)), 1))
-    own[: len(effect.parameters), 0] = [shot.values[effect][p.name] for p in effect.parameters]
+    own[: len(effect.parameters), 0] = [given[p.name] for p in effect.parameters]
     if not columns.shape[1]:
         return np.asarray(effect.sensor(seen, x[:, None], own)[:, 0]), columns
     # An effect without memory multiplies all derivatives at an instant by the same factor.

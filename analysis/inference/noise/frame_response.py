@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.collision import Collision, Floats, moved_by_frame
-from analysis.inference.model.optics import change_shown
-from analysis.inference.model.response import ShotModel
+from analysis.inference.model.response import ShotModel, change_shown
 from analysis.shot import VibrationSpectrum
 
 PLATE_QUALITY = 300.0  # upper limit of the quality factor of a metal plate oscillating in air

@@ -10,12 +10,12 @@ from functools import partial
 
 import numpy as np
 
-from analysis.collision import Effect, Infeasible, LinearPath
+from analysis.collision import Effect, Infeasible, LinearPath, first_order_change, steps_per_sample
 from analysis.compiled import side_by_side
 from analysis.inference.joint.weighted_model import WeightedModel
 from analysis.inference.model.effective_parameters import Point, to_physical
 from analysis.inference.model.free_parameters import TrialEffect
-from analysis.inference.screen import first_order
+from analysis.inference.model.response import ShotModel, change_shown
 from analysis.inference.screen.projector import FEW_SHOTS, Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
 from analysis.shot import Floats
@@ -192,7 +192,8 @@ def _to_first_order(
     """
     effect, problem, point = kind.effect, at.problem, at.point
     shot = problem.shot_at(index, point)
-    steps = np.array(first_order.steps_for(problem.shot_at(0, point), effect, starts))
+    first, values = problem.shot_at(0, point), [[start[p.name] for p in effect.parameters] for start in starts]
+    steps = np.array([steps_per_sample(effect, given, first.collision, first.samples.spacing_s) for given in values])
     out = np.empty((shot.samples.centre_s.size, len(starts)))
     paths = {} if paths is None else paths
     for some in (int(one) for one in np.unique(steps)):
@@ -201,8 +202,20 @@ def _to_first_order(
         else:
             path = paths[some] = paths.get(some) or shot.path(some)
         which = np.flatnonzero(steps == some)
-        part = first_order.responses(shot, path, effect, [starts[int(k)] for k in which])
+        part = change_to_first_order(shot, path, effect, [starts[int(k)] for k in which])
         if part is None or not np.all(np.isfinite(part)):
             return None
         out[:, which] = part
     return out
+
+
+def change_to_first_order(shot: ShotModel, path: LinearPath, effect: Effect, starts: Starts) -> Floats | None:
+    """Return the displacement added by each of ``starts`` as the optics show it, shape (n, k); 50 ns per value.
+
+    None if the effect's function cannot be linearised in this way.
+    """
+    parameters = np.zeros((len(starts), 3))
+    for place, parameter in enumerate(effect.parameters):
+        parameters[:, place] = [start[parameter.name] for start in starts]
+    change = first_order_change(path, effect, shot.collision, parameters, shot.samples.centre_s.size)
+    return None if change is None else change_shown(shot, path, change)

@@ -11,17 +11,16 @@ from analysis.collision.effects import CATALOGUE, effect_named
 from analysis.collision.effects.kernel import ON_BLOCK, Q_RATE, W_RATE, Q, V, W
 from analysis.collision.effects.row import Acts, Effect, Parameter
 from analysis.collision.parameters import PAPER
-from analysis.collision.solver.first_order import first_order_change
+from analysis.collision.solver.first_order import first_order_change, steps_per_sample
 from analysis.inference.fit.problem import Problem
 from analysis.inference.joint.joint_data import JointData
 from analysis.inference.model.base import base_named
 from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.free_parameters import trial_effect
-from analysis.inference.model.optics import shown_by_optics
 from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise.floor import Floor
 from analysis.inference.screen import screening
-from analysis.inference.screen.first_order import responses, steps_for
+from analysis.inference.screen.columns import change_to_first_order
 from tests.analysis.collision.simulated import shot as simulated
 from tests.analysis.diagnosis.test_made_up import SLOSHING
 from tests.analysis.inference.shown import model_of, shown
@@ -63,7 +62,9 @@ def check(row: Effect, have: Any, speed: float, points: int, model: str = "paper
     starts = trial_effect(row).starts
     for k in np.unique(np.linspace(0, len(starts) - 1, points).astype(int)):
         start = starts[k]
-        found = responses(shot, shot.path(steps_for(shot, row, [start])[0]), row, [small(row, start, SMALL)])
+        values = [start[parameter.name] for parameter in row.parameters]
+        path = shot.path(steps_per_sample(row, values, shot.collision, shot.samples.spacing_s))
+        found = change_to_first_order(shot, path, row, [small(row, start, SMALL)])
         if found is None and row.name not in LINEAR:
             pytest.skip(f"{row.name} is not linear in its hidden state: its trajectories are solved one by one")
         assert found is not None
@@ -102,10 +103,10 @@ def test_many_starts_at_once_are_each_as_if_alone(have: str) -> None:
     row = CATALOGUE["block_mode"]
     starts = trial_effect(row).starts[20:120:9]
     path = shot.path(2)
-    averaged_shots = responses(shot, path, row, starts)
+    averaged_shots = change_to_first_order(shot, path, row, starts)
     assert averaged_shots is not None
     for k, start in enumerate(starts):
-        alone = responses(shot, path, row, [start])
+        alone = change_to_first_order(shot, path, row, [start])
         assert alone is not None
         np.testing.assert_allclose(averaged_shots[:, k], alone[:, 0], rtol=1e-9, atol=1e-20)
 
@@ -123,12 +124,6 @@ def test_what_is_not_linear_in_its_hidden_state_has_no_first_order() -> None:
     )  # fmt: skip
     shot = model_of(TIME_S, PAPER.vector[:4], np.array([-0.27, 0.01, 0.0]), {})
     assert first_order_change(shot.path(1), row, PAPER, np.ones((1, 3)), TIME_S.size) is None
-
-
-def test_optics_that_see_no_sample_show_none() -> None:
-    nothing, own = np.empty(0), np.array([-0.27, 0.01, 0.0])
-    shot = model_of(TIME_S, PAPER.vector[:4], own, {})
-    assert shown_by_optics(shot, nothing, nothing).shape == (0,)
 
 
 def test_the_scores_are_those_of_trajectories_solved_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,14 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from analysis.collision import Effect, Parameter
-from analysis.inference.fit.problem import Fitted, Problem
+from analysis.collision import Effect
+from analysis.inference.fit.problem import Fitted
 from analysis.inference.model.base import OWN_NAMES
-from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.response import Response
 from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor
@@ -21,46 +20,20 @@ _POINTS = 128  # over the fitted stretch: the frame's motion varies slowly
 _WINDOW = 150  # samples
 _LOUD_SIGMAS = 8.0  # excess of a loud window's chi^2 over its expectation, in standard deviations
 _MOST_LOUD = 0.4  # fraction of loud windows above which the model is wrong throughout, not for a moment
-_ALL_SHOTS = -1  # shot index of the parameters that all shots share
 
 
 def effect_parameters(fitted: Fitted) -> dict[Effect, dict[str, Quantity]]:
     """Return every effect's parameters; per-shot ones have a suffix ``.2``, ``.3`` from the second shot on."""
     out: dict[Effect, dict[str, Quantity]] = {effect: {} for effect in fitted.effects}
-    problem, point = fitted.problem, fitted.point
-    std = fitted.std
-    for k, (effect, free, shot) in enumerate(problem.free_parameters):
-        value = point.values[max(shot, 0)][effect][free.name]
-        out[effect][_parameter_name(free, shot)] = Quantity(value, float(std[problem.offset + k]), "joint fit")
-    for effect, fixed in fitted.problem.fixed.items():
+    problem, std = fitted.problem, fitted.std
+    values = problem.flat(fitted.point)
+    for at, (effect, free, shot) in enumerate(problem.free_parameters, problem.offset):
+        name = free.name if shot < 1 else f"{free.name}.{shot + 1}"
+        out[effect][name] = Quantity(float(values[at]), float(std[at]), "joint fit")
+    for effect, fixed in problem.fixed.items():
         if effect in out:
             out[effect].update({key: Quantity(value, 0.0, "tried") for key, value in fixed.items()})
     return out
-
-
-@dataclass(frozen=True, slots=True)
-class _Estimate:
-    """A problem's parameters at ``point`` and their covariance.
-
-    ``values``, shape (p,), are in the vector's order.  ``covariances``, shape (shots, q, q), are in the order of each
-    shot's ``places``, NaN if unknown.  ``how`` is the name of the method in reports.
-    """
-
-    problem: Problem
-    point: Point
-    values: Floats
-    covariances: Floats
-    how: str
-
-    def quantities(self, shot: int) -> dict[str, Quantity]:
-        """Return the parameters of one shot, or of ``_ALL_SHOTS``, by name."""
-        std = np.sqrt(np.diag(self.covariances[max(shot, 0)]))
-        named = [(self.problem.names[place], place) for place in self.problem.places[max(shot, 0)]]
-        return {
-            name: Quantity(float(self.values[place]), float(one), self.how)
-            for ((name, of), place), one in zip(named, std, strict=True)
-            if of == shot
-        }
 
 
 def as_fit(
@@ -82,17 +55,19 @@ def as_fit(
     """
     problem = fitted.problem
     birge = max(1.0, chi2 / max(1, fitted.samples - problem.size))
-    point, covariances = fitted.point, birge * fitted.covariances
-    estimate = _Estimate(problem, point, problem.flat(point), covariances, how)
+    covariances = birge * fitted.covariances
+    by_shot: list[dict[str, Quantity]] = [{} for _ in range(len(motions) + 1)]  # the last are those of all shots
+    stds = math.sqrt(birge) * fitted.std
+    for (name, shot), value, std in zip(problem.names, problem.flat(fitted.point), stds, strict=True):
+        by_shot[shot][name] = Quantity(float(value), float(std), how)
     whitened, lines = fitted.whitened(by), problem.derivatives(fitted.z)
     chosen = {f"{effect.key}.{key}": v for effect, given in problem.fixed.items() for key, v in given.items()}
-    parameters = estimate.quantities(_ALL_SHOTS)
-    parameters |= {name: Quantity(value, 0.0, "chosen") for name, value in chosen.items()}
+    parameters = by_shot.pop() | {name: Quantity(value, 0.0, "chosen") for name, value in chosen.items()}
     converged = fitted.converged and bool(np.all(np.isfinite(np.einsum("ijj->ij", covariances))))
-    shared = len(problem.shared)
+    shared, factor = len(problem.shared), problem.data.shots[0].factor
     shots = [
-        _shot_fit(fitted, estimate, index, motion, white, line[1])
-        for index, (motion, white, line) in enumerate(zip(motions, whitened, lines, strict=True))
+        _shot_fit(fitted, index, *of_shot)
+        for index, of_shot in enumerate(zip(by_shot, covariances, motions, whitened, lines, strict=True))
     ]
     chi2_by_noise = float(sum(white @ white for white in whitened))
     return Fit(
@@ -101,7 +76,8 @@ def as_fit(
         covariance=np.pad(covariances[0, :shared, :shared], (0, len(chosen))),
         shots=tuple(shots),
         reduced_chi2=chi2_by_noise / max(1, fitted.samples - problem.size),
-        noise_std_m=_sample_noise_m(fitted),
+        # of one sample of the motion, whose white part is larger than that of a block's mean
+        noise_std_m=replace(fitted.noise, white_m=math.sqrt(factor) * fitted.noise.white_m).std_m,
         wander=fitted.noise.wander,
         converged=converged,
         effects=fitted.effects,
@@ -115,25 +91,30 @@ def as_fit(
 
 
 def _shot_fit(
-    fitted: Fitted, estimate: _Estimate, index: int, motion: Motion, whitened: Floats, derivatives: Floats
+    fitted: Fitted,
+    index: int,
+    own: dict[str, Quantity],
+    covariance: Floats,
+    motion: Motion,
+    whitened: Floats,
+    line: tuple[Floats, Floats],
 ) -> ShotFit:
     """Return one shot's part of the fit.
 
-    ``whitened`` is the whitened residual of each fitted sample; ``derivatives`` are those of the averaged displacement
-    by the fit's parameters.
+    ``own`` are its parameters by name; ``covariance``, shape (q, q), is that of all parameters it depends on.
+    ``whitened`` is the whitened residual of each fitted sample; ``line`` is the shot's of ``Problem.derivatives``.
     """
     problem, noise = fitted.problem, fitted.noise
     shot = problem.data.shots[index]
-    response = problem.run(index, estimate.point)
-    released = problem.run(index, estimate.point, coarse=True, derivatives=True).velocity_out
-    own = estimate.quantities(index)
+    response = problem.run(index, fitted.point)
+    released = problem.run(index, fitted.point, coarse=True, derivatives=True).velocity_out
     velocity_in, touch_time, offset = (own.pop(name) for name in OWN_NAMES)
     before, after = _frame_m_per_s(shot, noise)
     velocity_out = Quantity(math.nan, math.nan, "the record ends in contact")
     if released is not None:
         value, slope = released
-        variance = float(slope @ estimate.covariances[index] @ slope)
-        velocity_out = Quantity(value, math.hypot(math.sqrt(max(variance, 0.0)), after), estimate.how)
+        variance = float(slope @ covariance @ slope)
+        velocity_out = Quantity(value, math.hypot(math.sqrt(max(variance, 0.0)), after), velocity_in.how)
     # the model's speeds are relative to the frame; speeds read from a motion are in space
     velocity_in = replace(velocity_in, std=math.hypot(velocity_in.std, before))
     return ShotFit(
@@ -146,7 +127,7 @@ def _shot_fit(
         reduced_chi2=float(whitened @ whitened) / max(1, whitened.size - problem.places.shape[1]),
         own_parameters=own,
         rings=_has_transient_excess(whitened),
-        sway_std_m=_sway_left_std_m(shot, noise, derivatives) if shot.sway is not None else None,
+        sway_std_m=_sway_left_std_m(shot, noise, line[1]) if shot.sway is not None else None,
         plate_number=shot.plate_number,
     )
 
@@ -172,16 +153,6 @@ def _overlay(motion: Motion, response: Response, touch_time_s: float) -> Overlay
 def _frame_m_per_s(shot: Samples, noise: Floor) -> tuple[float, float]:
     """Return the stds of velocities relative to the frame minus those in space, at touch and after release."""
     return (0.0, 0.0) if shot.sway is None else shot.sway.speeds_m_per_s(noise)
-
-
-def _parameter_name(free: Parameter, shot: int) -> str:
-    return free.name if shot < 1 else f"{free.name}.{shot + 1}"
-
-
-def _sample_noise_m(fitted: Fitted) -> float:
-    """Return the noise std in m of one sample of the motion, whose white part is larger than that of a block's mean."""
-    floor, factor = fitted.noise, fitted.problem.data.shots[0].factor
-    return float(np.sqrt(factor * floor.white_m**2 + floor.rms_m[0] ** 2 + floor.rms_m[1] ** 2))
 
 
 def _sway_left_std_m(shot: Samples, noise: Floor, derivatives: Floats) -> Floats:

@@ -225,8 +225,7 @@ def _shot_under(shape: Floor, columns: Floats, places: Places, shot: Samples) ->
     along = directions.along(white)
     rest_products = white.T @ white - along.T @ along
     rest_products[0, 0] = max(float(rest_products[0, 0]), 0.0)
-    bands = shot.sway.bands(shape)
-    return ShotResidual(along, rest_products, len(white), directions.logs, places[some], bands)
+    return ShotResidual(along, rest_products, len(white), directions.logs, places[some], directions.bands)
 
 
 def _prior(site: Site) -> Floats:

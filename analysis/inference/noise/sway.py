@@ -42,13 +42,13 @@ class WhitenedDirections:
     """A shot's directions of frame motion, whitened by a noise without frame motion and with unit white variance.
 
     ``columns``, shape (n, r), times the inverse of ``root``, shape (r, r), upper triangular, are orthonormal.
-    ``factors``, shape (r, m), map the frame's m unit normal numbers to coordinates along them.
-    ``logs`` is ln det of the whitening covariance.
+    ``bands`` are the motion of the frame's bands along them, by the frame's m unit normal numbers, in units of the
+    white noise.  ``logs`` is ln det of the whitening covariance.
     """
 
     columns: Floats
     root: Floats
-    factors: Floats
+    bands: Bands
     logs: float
 
     def along(self, rows: Floats) -> Floats:
@@ -90,15 +90,10 @@ class Sway:
         known: WhitenedDirections = self._cached("directions", shape_of(noise), self._whiten_directions)
         return known
 
-    def bands(self, noise: Floor) -> Bands:
-        """Return the motion of the bands along the orthonormal whitened directions, in units of the white noise."""
-        known: Bands = self._cached("bands", shape_of(noise), self._bands)
-        return known
-
     def scaled(self, noise: Floor) -> Floats:
         """Return the factors of the unit normal numbers along the orthonormal whitened directions, shape (r, m)."""
         size = np.exp(0.5 * np.asarray(noise.site))[self.band] / noise.white_m
-        return self.whitened_directions(noise).factors * size
+        return self.whitened_directions(noise).bands.factors * size
 
     def whiten(self, rows: Floats, noise: Floor) -> Floats:
         """Return ``rows``, shape (n, k), whitened by the whole noise, given rows whitened without frame motion.
@@ -147,7 +142,8 @@ class Sway:
 
     def _root(self, noise: Floor) -> Floats:
         """Return the Cholesky factor of the covariance along the orthonormal whitened directions, shape (r, r)."""
-        known: Floats = self._cached("root", noise, lambda noise: self.bands(noise).root(noise.logarithms))
+        bands = self.whitened_directions(noise).bands
+        known: Floats = self._cached("root", noise, lambda noise: bands.root(noise.logarithms))
         return known
 
     def _pull(self, left_m: Floats, noise: Floor) -> Floats:
@@ -164,11 +160,9 @@ class Sway:
             raw[self.valid] = self.basis
             columns = shape.whiten(raw, self.valid, self.weight)
         root = np.asarray(np.linalg.cholesky(columns.T @ columns).T)
-        return WhitenedDirections(columns, root, root @ self.factors, shape.log_variances(self.valid, self.weight))
-
-    def _bands(self, shape: Floor) -> Bands:
         shares = np.equal.outer(np.arange(int(self.band.max()) + 1), self.band).astype(np.float64)
-        return Bands(self.whitened_directions(shape).factors, shares)
+        logs = shape.log_variances(self.valid, self.weight)
+        return WhitenedDirections(columns, root, Bands(root @ self.factors, shares), logs)
 
     def _whitening_matrix(self, noise: Floor) -> Floats:
         root = self._root(noise)

@@ -70,10 +70,10 @@ def test_a_plates_start_moves_the_shot_as_its_numbers_do() -> None:
 def test_speeds_and_covariances_are_those_of_the_bands() -> None:
     sway = swaying()
     assert sway.speeds_m_per_s(STILL) == pytest.approx((np.sqrt(2.0 + 2.7), np.sqrt(8.0 + 4.8)))
-    factors, bands = sway.whitened_directions(WANDERS).factors, sway.bands(WANDERS)
+    bands = sway.whitened_directions(WANDERS).bands
     assert bands.shares.tolist() == [[1, 1, 0, 0, 0, 1, 1], [0, 0, 1, 1, 1, 0, 0]]
     for covariance, some in zip(bands.covariances, ([0, 1, 5, 6], [2, 3, 4]), strict=True):
-        assert covariance == pytest.approx((factors[:, some] @ factors[:, some].T).ravel(), rel=1e-12)
+        assert covariance == pytest.approx((bands.factors[:, some] @ bands.factors[:, some].T).ravel(), rel=1e-12)
     one, other = swaying(), swaying(2)
     by = [covariances(each, STILL)[1] for each in (one, other)]
     assert one.largest_difference_m(other, STILL) == pytest.approx(

@@ -16,7 +16,6 @@ from .fit.shot_fit import fit_shots as fit_shots
 from .joint.joint_data import JointData as JointData
 from .joint.joint_data import frame_motions_of as frame_motions_of
 from .joint.joint_data import joint_data as joint_data
-from .joint.joint_data import site_under as site_under
 from .model.arrow import Arrow as Arrow
 from .model.arrow import orthonormal as orthonormal
 from .model.base import OWN_NAMES as OWN_NAMES
@@ -40,6 +39,7 @@ from .noise.floor import white_floor as white_floor
 from .noise.per_shot_acceleration import per_shot_nuisances as per_shot_nuisances
 from .noise.site import STILL_FRAME as STILL_FRAME
 from .noise.site import Site as Site
+from .noise.site import site_under as site_under
 from .noise.sway import on_site as on_site
 from .noise.sway import with_plates as with_plates
 from .screen.screening import Score as Score

@@ -17,13 +17,13 @@ from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.first_fit import BIASED_CHI2, first_fit, likeliest_plates
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
-from analysis.inference.joint.joint_data import joint_data, resolves_frame_motion, site_under
+from analysis.inference.joint.joint_data import joint_data, resolves_frame_motion
 from analysis.inference.model.base import Plates
 from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.free_parameters import trial_effect, trials_of
 from analysis.inference.model.samples import FINE_RATE_HZ, averaged_shots
 from analysis.inference.noise.flights import noise_of_flights
-from analysis.inference.noise.site import Site
+from analysis.inference.noise.site import Site, site_under
 from analysis.inference.noise.sway import on_site
 from analysis.shot import PLATE_RINGS, AnalysisError, Cancelled, Fit, Floats, Motion, Stop, VibrationSpectrum
 from levimass import PAPER_MODEL

@@ -12,7 +12,7 @@ from analysis.inference.model.base import Base, SearchStart
 from analysis.inference.model.samples import Samples
 from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
-from analysis.inference.noise.site import BELOW_HZ, STILL_FRAME, Site, site_of
+from analysis.inference.noise.site import BELOW_HZ, STILL_FRAME, Site
 from analysis.inference.noise.sway import on_site
 from analysis.reading import read_frame_motion
 from analysis.shot import AnalysisError, Floats, Motion, VibrationSpectrum
@@ -85,13 +85,6 @@ def frame_motions_of(
     if model != PAPER_MODEL or not all(resolves_frame_motion(motion) for motion in motions):
         return (None,) * len(motions)
     return tuple(known if known is not None else side_by_side(read_frame_motion, motions))
-
-
-def site_under(
-    motions: Sequence[Motion], vibrations: Sequence[VibrationSpectrum | None], least_nm: float, *, whole: bool = False
-) -> Site:
-    """Return the common frame motion of shots with these shakings; arguments as for ``site_of``."""
-    return site_of(vibrations, max(float(np.ptp(motion.time_s)) for motion in motions), least_nm, whole=whole)
 
 
 def joint_data(plain: tuple[Samples, ...], begin: SearchStart, site: Site) -> JointData:

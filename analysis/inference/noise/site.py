@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Acts, Effect
-from analysis.shot import Floats, VibrationSpectrum
+from analysis.shot import Floats, Motion, VibrationSpectrum
 
 BELOW_HZ = 1000.0  # frame motion at higher frequencies is part of the beat's noise
 _APART = 0.45  # spacing of the sines that represent random motion, in units of one over a shot's length
@@ -46,10 +46,10 @@ _NONE = np.empty(0)
 STILL_FRAME = Site(VibrationSpectrum(_NONE, _NONE, np.empty(0, dtype=np.bool_)), np.empty(0, dtype=np.int64), 0)
 
 
-def site_of(
-    vibrations: Sequence[VibrationSpectrum | None], length_s: float, least_nm: float, *, whole: bool = False
+def site_under(
+    motions: Sequence[Motion], vibrations: Sequence[VibrationSpectrum | None], least_nm: float, *, whole: bool = False
 ) -> Site:
-    """Return the frame's motion in shots of ``length_s``; STILL_FRAME if its random part is below ``least_nm`` rms.
+    """Return the frame's motion in shots with these spectra; STILL_FRAME if its random part is below ``least_nm`` rms.
 
     The random spectrum is the mean over the shots.  Lines at one frequency in several shots are one line.  With
     ``whole`` all motion counts as the frame's, else only frequencies at which it exceeds possible path wander.
@@ -57,6 +57,7 @@ def site_of(
     known = [vibration.below(BELOW_HZ) for vibration in vibrations if vibration is not None]
     if not known:
         return STILL_FRAME
+    length_s = max(float(np.ptp(motion.time_s)) for motion in motions)
     share = 1.0 / len(vibrations)
     apart_hz = _APART / length_s
     frequency = np.arange(0.25 * apart_hz, max(float(one.frequency_hz[-1]) for one in known), apart_hz)

@@ -1,16 +1,12 @@
 """Find spectral lines in the residual of a fit: the gain in chi^2 of a sinusoid at each frequency."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
 from analysis.compiled import side_by_side
 from analysis.inference.model.free_parameters import TrialEffect
-from analysis.inference.model.samples import Samples
-from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.projector import FEW_SHOTS, Projector
+from analysis.inference.screen.projector import Projector
 from analysis.inference.screen.whitened_columns import WhitenedColumns, column_by_column
 from analysis.shot import Floats
 
@@ -42,18 +38,14 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
     total = np.zeros(grid.size)
     if not at.left.any():
         return grid, total
-    few = len(shots) <= FEW_SHOTS
     # The projection is done per shot, without coupling: shared parameters absorb little of a line.
     fitted = [np.column_stack([at.basis.of_shot(index), left]) for index, left in enumerate(at.tangents.parts(at.left))]
 
     def of_part(part: tuple[int, int]) -> Floats:
         index, first = part
         shot = shots[index]
-        some = grid[first : first + _AT_ONCE]
-        white = at.noise.whiten(_waves(some, shot.centre_s), shot.valid, shot.weight)
-        make = partial(_Waves.of, shot, at.noise, white)
-        waves = at.once(f"lines {index} from {first}", make) if few else make()
-        return waves.gain(white, fitted[index])
+        waves = _waves(grid[first : first + _AT_ONCE], shot.centre_s)
+        return _gain(WhitenedColumns.of(shot, at.noise, waves), fitted[index])
 
     parts = [(index, first) for index in range(len(shots)) for first in range(0, grid.size, _AT_ONCE)]
     for (_, first), gain in zip(parts, side_by_side(of_part, parts), strict=True):
@@ -61,45 +53,23 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
     return grid, total
 
 
-@dataclass(frozen=True, slots=True)
-class _Waves:
-    """Cosines and sines of f frequencies in a shot's whitened samples, independent of the fitted parameters.
+def _gain(waves: WhitenedColumns, fitted: Floats) -> Floats:
+    """Return the gain in chi^2 of each of f lines, given their cosines and then their sines, shape (n, 2 f).
 
-    ``products``, shape (3, f), are of cosine and cosine, cosine and sine, sine and sine.  Whitening for frame motion
-    adds ``directions`` times ``moved``, shape (r, 2 f).
+    The last ``fitted`` column is the residual, the others are an orthonormal basis of what is fitted.
     """
-
-    products: Floats
-    directions: Floats
-    moved: Floats
-
-    @classmethod
-    def of(cls, shot: Samples, floor: Floor, white: Floats) -> "_Waves":
-        """Return waves, given their columns, shape (n, 2 f), whitened except for frame motion."""
-        columns = WhitenedColumns.whitened(shot, floor, white)
-        c, s = _halves(white)
-        products = np.stack([columns.products(one, other) for one, other in ((c, c), (c, s), (s, s))])
-        return cls(products, columns.directions, columns.moved)
-
-    def gain(self, white: Floats, fitted: Floats) -> Floats:
-        """Return each line's gain in chi^2, shape (f,); the last ``fitted`` column is the residual, others a basis."""
-        both = fitted.T @ white + (fitted.T @ self.directions) @ self.moved
-        taken, along = both[:-1], both[-1]
-        c, s = _halves(white)
-        a, b, d = (
-            whole - column_by_column(taken[:, one], taken[:, other])
-            for whole, (one, other) in zip(self.products, ((c, c), (c, s), (s, s)), strict=True)
-        )
-        determinant = np.maximum(a * d - b * b, 1e-12 * a * d + 1e-300)
-        p, q = along[c], along[s]
-        x, y = (d * p - b * q) / determinant, (a * q - b * p) / determinant
-        return np.asarray(x * p + y * q)
-
-
-def _halves(white: Floats) -> tuple[slice, slice]:
-    """Return the slices of the cosines and of the sines among columns, shape (n, 2 f)."""
-    count = white.shape[1] // 2
-    return slice(0, count), slice(count, None)
+    both = waves.products_with(fitted)
+    taken, along = both[:-1], both[-1]
+    count = along.size // 2
+    c, s = slice(0, count), slice(count, None)
+    a, b, d = (
+        waves.products(one, other) - column_by_column(taken[:, one], taken[:, other])
+        for one, other in ((c, c), (c, s), (s, s))
+    )
+    determinant = np.maximum(a * d - b * b, 1e-12 * a * d + 1e-300)
+    p, q = along[c], along[s]
+    x, y = (d * p - b * q) / determinant, (a * q - b * p) / determinant
+    return np.asarray(x * p + y * q)
 
 
 def _waves(frequency_hz: Floats, time_s: Floats) -> Floats:

@@ -28,11 +28,7 @@ class WhitenedColumns:
     @classmethod
     def of(cls, shot: Samples, floor: Floor, columns: Floats) -> "WhitenedColumns":
         """Return ``columns``, shape (samples, k) in m, whitened by a noise; cost: n r multiply-adds per column."""
-        return cls.whitened(shot, floor, floor.whiten(columns, shot.valid, shot.weight))
-
-    @classmethod
-    def whitened(cls, shot: Samples, floor: Floor, white: Floats) -> "WhitenedColumns":
-        """Return columns, shape (n, k), given them already whitened except for frame motion."""
+        white = floor.whiten(columns, shot.valid, shot.weight)
         if shot.sway is None or not floor.site:
             nothing = np.zeros((0, white.shape[1]))
             return cls(white, np.zeros((white.shape[0], 0)), nothing, nothing)

@@ -15,7 +15,6 @@ from analysis.inference.joint.joint_data import (
     frame_motions_of,
     joint_data,
     resolves_frame_motion,
-    site_under,
 )
 from analysis.inference.model.base import SearchStart, base_named
 from analysis.inference.model.samples import averaged_shots
@@ -68,11 +67,6 @@ def test_a_frames_motion_is_read_where_records_are_quick_and_there_is_a_plate(mo
     assert frame_motions_of(given[:1], "paper", ["known"]) == ("known",)  # type: ignore[list-item]
     for motions, model in ((given, "paper"), (given[:1], "contact")):
         assert frame_motions_of(motions, model, ["known"] * len(motions)) == (None,) * len(motions)  # type: ignore[list-item]
-    monkeypatch.setattr(
-        module, "site_of", lambda vibrations, length_s, least, *, whole: (vibrations, length_s, least, whole)
-    )
-    assert site_under(given, [None], 7.0, whole=True) == ([None], 2.0, 7.0, True)
-    assert site_under(given[:1], [None], 7.0) == ([None], 1.0, 7.0, False)
 
 
 def test_shots_take_the_plates_of_a_beginning_and_the_frame_as_it_moves_there(monkeypatch: pytest.MonkeyPatch) -> None:

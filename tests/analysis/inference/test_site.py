@@ -3,6 +3,8 @@
 import math
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,14 +20,13 @@ from analysis.inference.joint.joint_data import (
     frame_motions_of,
     joint_data,
     resolves_frame_motion,
-    site_under,
 )
 from analysis.inference.model.base import base_named, start_from_fit
 from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.samples import averaged_shots
 from analysis.inference.noise import estimate
 from analysis.inference.noise.floor import Floor
-from analysis.inference.noise.site import STILL_FRAME, site_of
+from analysis.inference.noise.site import STILL_FRAME, site_under
 from analysis.inference.noise.sway import Sway, frame_response_of, with_plates
 from analysis.pipeline import analyse
 from analysis.reading.read import read_frame_motion
@@ -108,6 +109,9 @@ def test_the_likeliest_plate_is_the_conditional_mean_wherever_it_was_taken_to_be
     np.testing.assert_allclose(beside + sway.plate_displacement_m(known), left, atol=1e-9)
 
 
+RECORDS: Any = [SimpleNamespace(time_s=np.array([0.0, end])) for end in (0.05, 0.06)]
+
+
 def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> VibrationSpectrum:
     frequency = np.arange(2.0, 400.0, 4.0)
     at, size = (np.array(column) for column in zip(*lines, strict=True)) if lines else (np.zeros(0), np.zeros(0))
@@ -119,9 +123,8 @@ def flat(power_m2: float, lines: tuple[tuple[float, float], ...] = ()) -> Vibrat
 def test_what_falls_no_faster_than_a_path_wanders_is_none_of_the_frames() -> None:
     frequency = np.arange(2.0, 1000.0, 4.0)
     of_frame, of_path = 1e-15 * (frequency / 10.0) ** -5.0, 1e-19 * (frequency / 10.0) ** -2.0
-    site = site_of(
-        (VibrationSpectrum(frequency, of_frame + of_path, np.ones(frequency.size, np.bool_)),), 0.06, CRITERIA.site_nm
-    )
+    spectrum = VibrationSpectrum(frequency, of_frame + of_path, np.ones(frequency.size, np.bool_))
+    site = site_under(RECORDS, (spectrum,), CRITERIA.site_nm)
     assert site.moves
     both = 2.0 * 1e-19 / 1e-15  # of path over frame: where all is three times the path
     fastest = 10.0 * both ** (-1 / 3)
@@ -130,7 +133,7 @@ def test_what_falls_no_faster_than_a_path_wanders_is_none_of_the_frames() -> Non
 
 def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
     one, other = flat(1e-16, ((100.0, 4e-18),)), flat(3e-16, ((101.0, 2e-18), (296.0, 1e-18)))
-    site = site_of((one, other), 0.06, CRITERIA.site_nm)
+    site = site_under(RECORDS, (one, other), CRITERIA.site_nm)
     assert site.moves
     lines = site.vibration.frequency_hz[~site.vibration.random]
     assert list(lines) == [100.0, 101.0, 296.0]
@@ -144,7 +147,7 @@ def test_a_line_of_several_shots_is_one_and_the_floor_is_their_mean() -> None:
     thirds = np.floor(3.0 * np.log2(sines[1:] / sines[1]))
     np.testing.assert_array_equal(np.diff(site.band[: sines.size])[1:] > 0, np.diff(thirds) > 0)
     assert site.band[:2].tolist() == [0, 0] and site.random_bands == np.unique(thirds).size
-    assert site_of((one, None), 0.06, CRITERIA.site_nm).vibration.power_m2[-1] == pytest.approx(2e-18)
+    assert site_under(RECORDS, (one, None), CRITERIA.site_nm).vibration.power_m2[-1] == pytest.approx(2e-18)
     assert site.moves and site.resembles(effect_named("frame_vibration")) and not site.resembles(effect_named("tilt"))
 
 
@@ -159,14 +162,16 @@ def test_all_motion_is_the_frames_where_that_is_supposed(whole: bool, sines: int
     frequency = 0.45 / 0.06 * (0.25 + np.arange(100))
     level = np.where(np.arange(100) < 50, 3.1, 1.0) * 1e-13
     vibration = VibrationSpectrum(frequency, level / frequency**2, np.ones(100, bool))
-    found = site_of((vibration,), 0.06, 0.0, whole=whole)
+    found = site_under(RECORDS, (vibration,), 0.0, whole=whole)
     assert found is not None and abs(found.vibration.frequency_hz.size - sines) <= 1
 
 
 def test_a_quiet_table_is_no_site() -> None:
-    assert site_of((None, None), 0.06, CRITERIA.site_nm) is STILL_FRAME
-    assert site_of((flat(1e-18), flat(2e-18)), 0.06, CRITERIA.site_nm) is STILL_FRAME  # 12 nm: a path wanders so
-    assert site_of((flat(1e-22, ((100.0, 1e-15),)),), 0.06, CRITERIA.site_nm) is STILL_FRAME  # the diagnosis tells
+    assert site_under(RECORDS, (None, None), CRITERIA.site_nm) is STILL_FRAME
+    assert site_under(RECORDS, (flat(1e-18), flat(2e-18)), CRITERIA.site_nm) is STILL_FRAME  # 12 nm: a path wanders so
+    assert (
+        site_under(RECORDS, (flat(1e-22, ((100.0, 1e-15),)),), CRITERIA.site_nm) is STILL_FRAME
+    )  # the diagnosis tells
 
 
 @cache

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from analysis.inference.noise.floor import Floor
-from analysis.inference.screen.lines import _Waves, _waves
+from analysis.inference.screen.lines import _gain, _waves
 from analysis.inference.screen.whitened_columns import WhitenedColumns
 from tests.analysis.inference.test_site import a_noise, a_sway
 
@@ -51,8 +51,7 @@ def test_a_line_takes_what_a_least_squares_fit_of_it_takes(strengths: tuple[floa
     left -= basis @ (basis.T @ left)
     frequency_hz = np.array([700.0, 1900.0])
     bare = _waves(frequency_hz, np.arange(62) * noise.spacing_s)
-    waves = noise.whiten(bare, shot.valid, shot.weight)
-    gains = _Waves.of(shot, noise, waves).gain(waves, np.column_stack([basis, left]))
+    gains = _gain(WhitenedColumns.of(shot, noise, bare), np.column_stack([basis, left]))
     white = whitened(shot, noise, bare)
     for k, gain in enumerate(gains):
         design = np.column_stack([basis, white[:, [k, 2 + k]]])

@@ -203,26 +203,26 @@ class NormalMatrix:
         if not np.all(diagonal > 0):
             return None
         unit = np.where(free, 1.0 / np.sqrt(diagonal), 0.0)
-        scaled = self._scaled(unit)  # zero where not free, apart from the diagonal
-        at, of = np.diag_indices(len(self.shared_at)), np.arange(self.own_at.shape[1])
-        scaled.shared[at] = scaled.own[:, of, of] = 1.0
-        level, turn = np.linalg.eigh(scaled.own)
+        of_shared, of_own = unit[self.shared_at], unit[self.own_at]
+        # scaled to unit diagonal; zero beside the diagonal where not free
+        shared = self.shared * np.outer(of_shared, of_shared)
+        cross = self.cross * of_own[:, :, None] * of_shared
+        own = self.own * of_own[:, :, None] * of_own[:, None, :]
+        np.fill_diagonal(shared, 1.0)
+        np.einsum("kii->ki", own)[:] = 1.0
+        level, turn = np.linalg.eigh(own)
         if level.min(initial=1.0) < _SINGULAR:
             return None
-        of_own = (turn / level[:, None, :]) @ turn.transpose(0, 2, 1)
-        give = of_own @ scaled.cross
-        level, turn = np.linalg.eigh(scaled.shared - np.tensordot(scaled.cross, give, ((0, 1), (0, 1))))
+        own = (turn / level[:, None, :]) @ turn.transpose(0, 2, 1)
+        give = own @ cross
+        level, turn = np.linalg.eigh(shared - np.tensordot(cross, give, ((0, 1), (0, 1))))
         if level[0] < _SINGULAR * max(1.0, level[-1]):
             return None
-        of_shared = (turn / level) @ turn.T
-        out = np.empty((self.size, self.size))
-        across = -give @ of_shared
-        out[np.ix_(self.shared_at, self.shared_at)] = of_shared
-        out[self.own_at[:, :, None], self.shared_at] = across
-        out[self.shared_at[:, None], self.own_at[:, None, :]] = across.transpose(0, 2, 1)
+        shared = (turn / level) @ turn.T
+        across = -give @ shared
+        out = replace(self, shared=shared, cross=across, own=own).dense()
         every = self.own_at.ravel()
-        out[np.ix_(every, every)] = -across.reshape(every.size, len(level)) @ give.reshape(every.size, len(level)).T
-        out[self.own_at[:, :, None], self.own_at[:, None, :]] += of_own
+        out[np.ix_(every, every)] -= across.reshape(every.size, len(level)) @ give.reshape(every.size, len(level)).T
         out *= unit
         out *= unit[:, None]
         return out
@@ -260,17 +260,6 @@ class NormalMatrix:
             self.shared - np.tensordot(into, self.cross, ((0, 2), (0, 1))),
             rest,
             float(np.einsum("kq,kqr,kr->", pull, of_own, pull)),
-        )
-
-    def _scaled(self, unit: Floats) -> "NormalMatrix":
-        """Return the matrix with rows and columns multiplied by ``unit``, shape (p,)."""
-        shared, own = unit[self.shared_at], unit[self.own_at]
-        return NormalMatrix(
-            self.shared * np.outer(shared, shared),
-            self.cross * own[:, :, None] * shared,
-            self.own * own[:, :, None] * own[:, None, :],
-            self.shared_at,
-            self.own_at,
         )
 
 

@@ -125,7 +125,7 @@ def base_fit(data: JointData, begin: SearchStart, stop: Stop, nuisances: Sequenc
 
 def _best_of_searches(data: JointData, starts: Sequence[SearchStart], noise: Floor, stop: Stop) -> SearchStart:
     """Return the best end of searches from the starts or from a fit of the first bounces alone."""
-    floor = noise.without_site
+    floor = replace(noise, site=())
     best = _search_from(data, starts[0], floor, stop)
     if best.left < BIASED_CHI2:
         return best

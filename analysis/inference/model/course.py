@@ -9,6 +9,7 @@ from scipy.optimize import least_squares
 
 from analysis.collision import Floats
 from analysis.shot import AnalysisError
+from analysis.signal import white_noise
 
 
 class NoCollision(AnalysisError):
@@ -58,7 +59,7 @@ def read_course(time_s: Floats, displacement_m: Floats, valid: NDArray[np.bool_]
     d = np.interp(t, time_s[good], displacement_m[good])
     n = t.size
     dt = (t[-1] - t[0]) / (n - 1)
-    sigma = float(1.4826 * np.median(np.abs(np.diff(d, 3))) / math.sqrt(20.0))
+    sigma = white_noise(np.diff(d, 3))
     turn = int(np.argmin(d))
     if turn < 20 or turn > n - 10:
         raise NoCollision("no turnaround inside the record: the block does not come in and leave again")

@@ -10,13 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 from numba import njit
+from numpy.polynomial import Legendre
 
 from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.kalman import Mask
 from analysis.inference.noise.site import STILL_FRAME, Site
 from analysis.shot import Floats
-from analysis.signal import MIN_NOISE_M
+from analysis.signal import MIN_NOISE_M, stretches
 
 Spectrum = tuple[Floats, Floats]  # angles, powers per sample
 _FEWEST = 24  # fewest samples of a flight for a noise estimate
@@ -65,11 +66,8 @@ def _spectra(flights: Sequence[Floats], spacing_s: float, site: Site) -> list[Sp
 def _flight(shot: Samples, part: slice) -> Floats:
     """Return the longest gapless stretch of averaged samples, in m, within ``part`` of the motion's samples."""
     first, last = -(-part.start // shot.factor), part.stop // shot.factor
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], shot.valid[first:last].astype(np.int8), [0]])))
-    if edges.size == 0:
-        return np.empty(0)
-    longest = int(np.argmax(edges[1::2] - edges[::2]))
-    return np.asarray(shot.displacement_m[first:last][edges[2 * longest] : edges[2 * longest + 1]] / shot.weight)
+    begin, end = max(stretches(shot.valid[first:last]), key=lambda one: one[1] - one[0], default=(0, 0))
+    return np.asarray(shot.displacement_m[first:last][begin:end] / shot.weight)
 
 
 def _by_differences(shots: Sequence[Samples]) -> float:
@@ -108,8 +106,10 @@ def spectrum_of(values: Floats, above: float = 0.0, lines: Floats = _NO_LINES) -
     moved = values if above == 0.0 else np.diff(values, 2)
     taper = np.sin(np.pi * (np.arange(moved.size) + 0.5) / moved.size) ** 2
     degree = _TREND if above == 0.0 else 0
-    power = np.abs(np.fft.rfft(detrended(moved, degree) * taper)) ** 2 / np.sum(taper**2)
-    angle = 2 * np.pi * np.arange(power.size) / moved.size
+    at = np.arange(moved.size)
+    left = moved - Legendre.fit(at, moved, degree)(at)
+    power = np.abs(np.fft.rfft(left * taper)) ** 2 / np.sum(taper**2)
+    angle = 2 * np.pi * at[: power.size] / moved.size
     inside = slice(degree + 1, power.size - 1)
     angle, power = angle[inside], power[inside]
     if above > 0.0:
@@ -118,14 +118,6 @@ def spectrum_of(values: Floats, above: float = 0.0, lines: Floats = _NO_LINES) -
             kept &= np.abs(angle - line) > _BESIDE_A_LINE * 2 * np.pi / moved.size
         angle, power = angle[kept], power[kept] / (2 * np.sin(angle[kept] / 2)) ** 4
     return angle, power
-
-
-def detrended(values: Floats, degree: int) -> Floats:
-    """Return ``values``, shape (n,), minus their least-squares polynomial of ``degree``."""
-    grid = np.linspace(-1.0, 1.0, values.size)
-    basis = np.polynomial.legendre.legvander(grid, degree)
-    coefficients, *_ = np.linalg.lstsq(basis, values, rcond=None)
-    return np.asarray(values - basis @ coefficients)
 
 
 def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:

@@ -54,11 +54,6 @@ class Floor:
         return self.rms_m[0] > 0 or bool(self.site)
 
     @property
-    def without_site(self) -> "Floor":
-        """Get the noise without frame motion."""
-        return replace(self, site=()) if self.site else self
-
-    @property
     def still(self) -> "Floor":
         """Get the white part alone."""
         return replace(self, rms_m=(0.0, 0.0), site=())
@@ -136,15 +131,17 @@ def likeliest_floor(
     valid: Sequence[Mask],
     spacing_s: float,
     *,
-    weights: Sequence[float] | None = None,
-    start: Floor | None = None,
+    weights: Sequence[float],
+    start: Floor | None,
 ) -> LikeliestFloor:
     """Return the likeliest noise of ``series`` (in m, one for each shot), with the wandering parts of ``with_parts``.
 
     ``weights`` are the shots' relative white noises.  The search begins near ``start``.  Cost: 1-5 ms for three shots.
     """
     values = [np.where(v, s, 0.0) for s, v in zip(series, valid, strict=True)]
-    all_of = _series(values, valid, weights, spacing_s)
+    held, edges = np.concatenate(valid), np.cumsum([0, *(v.size for v in values)])
+    white = np.square(np.asarray(weights, dtype=np.float64))
+    all_of = Series(np.concatenate(values), held, edges, white, float(spacing_s), max(1, int(held.sum())))
     known = [] if start is None else _ratios(start)
 
     def with_next(best: LikeliestFloor, number: int) -> LikeliestFloor:
@@ -177,16 +174,6 @@ def _roughness(series: Sequence[Floats], valid: Sequence[Mask]) -> float:
     white = white_by_differences(series, valid)
     spread = math.sqrt(float(np.mean(np.concatenate([s[v] ** 2 for s, v in zip(series, valid, strict=True)]))))
     return spread / white if white > 0 else 1e3
-
-
-def _series(
-    series: Sequence[Floats], valid: Sequence[Mask], weights: Sequence[float] | None, spacing_s: float
-) -> Series:
-    """Return the series as the likelihood kernels take it; ``values`` are zero where not valid."""
-    held = np.concatenate(valid)
-    spread = np.ones(len(series)) if weights is None else np.asarray(weights, dtype=np.float64)
-    first = np.concatenate([[0], np.cumsum([s.size for s in series])]).astype(np.int64)
-    return Series(np.concatenate(series), held, first, spread**2, float(spacing_s), max(1, int(held.sum())))
 
 
 def _floor_of(series: Series, shape: Floats) -> LikeliestFloor:

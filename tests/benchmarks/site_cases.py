@@ -131,7 +131,7 @@ def _sway(truth: Truth, index: int, shot: Samples) -> Sway:
     base = base_named("paper")
     shared = np.array([getattr(truth.bodies, name) for name in base.names])
     own = np.array([-truth.speeds_m_per_s[index], truth.take(index).before_touch_s, 0.0])
-    return frame_response_of(shot, site, base, shared, own)
+    return frame_response_of(shot, site, base, shared, own, {})
 
 
 def judge(case: Case, diagnose: Callable[[Sequence[Motion]], Any]) -> Outcome:

@@ -117,7 +117,8 @@ def _plate_by_plate(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: f
 
 def _contact_of(shot: Samples) -> Samples:
     """Return the averaged samples of the contact and a little flight only."""
-    near = slice(*np.searchsorted(shot.centre_s, _around_contact(shot.course)).tolist())
+    around_s = shot.course.touch_time_s + np.array([-_BEFORE, _AFTER]) * shot.course.contact_time_s
+    near = slice(*np.searchsorted(shot.centre_s, around_s).tolist())
     fine = slice(near.start * shot.factor, near.stop * shot.factor)
     return replace(
         shot,
@@ -129,11 +130,6 @@ def _contact_of(shot: Samples) -> Samples:
         weight=1.0,
         sway=None,
     )
-
-
-def _around_contact(course: Course) -> Floats:
-    """Return start and end in s of the contact with a little flight, shape (2,)."""
-    return course.touch_time_s + np.array([-_BEFORE, _AFTER]) * course.contact_time_s
 
 
 def _fastest(shots: Sequence[Samples]) -> Samples:

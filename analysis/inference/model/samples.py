@@ -111,21 +111,17 @@ def averaged_shot(motion: Motion, rate_hz: float = RATE_HZ) -> Samples:
     )
 
 
-def spacing(shots: Sequence[Samples]) -> float:
-    """Return the spacing of averaged samples in s; ValueError if it differs between shots by more than 1 %."""
-    first = shots[0].spacing_s
-    if any(abs(shot.spacing_s / first - 1) > 0.01 for shot in shots):
-        raise ValueError("the shots were sampled at different rates: diagnose them apart")
-    return first
-
-
 def averaged_shots(motions: Sequence[Motion], rate_hz: float = RATE_HZ) -> tuple[Samples, ...]:
-    """Return the averaged samples of several motions, each with its weight and the number of its plate."""
+    """Return the averaged samples of several motions, each with its weight and the number of its plate.
+
+    Raises ValueError if their spacing differs by more than 1 %.
+    """
     numbers = plate_numbers(motions)
     shots = [
         replace(averaged_shot(motion, rate_hz), plate_number=k) for motion, k in zip(motions, numbers, strict=True)
     ]
-    spacing(shots)
+    if any(abs(shot.spacing_s / shots[0].spacing_s - 1) > 0.01 for shot in shots):
+        raise ValueError("the shots were sampled at different rates: diagnose them apart")
     white = np.array([shot.white_m for shot in shots])
     if not np.all(np.isfinite(white) & (white > 0)):
         return tuple(shots)

@@ -28,7 +28,6 @@ from analysis.inference.noise.site import Site
 from analysis.reading import Bands
 from analysis.shot import Floats
 
-_NO_EFFECTS: Values = {}
 _REMEMBERED = 4  # cached results, by noise and by shape of the noise
 _NEARLY = 0.05  # largest cosine between columns that are treated as orthogonal
 _ROUNDING = 2e-15  # fraction of the largest sum of squares: nine units in the last place
@@ -193,9 +192,7 @@ def shape_of(noise: Floor, parts: int = 2) -> Floor:
     return Floor(1.0, (one, two if parts > 1 else 0.0), noise.tau_s, noise.spacing_s)
 
 
-def frame_response_of(
-    shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, values: Values = _NO_EFFECTS
-) -> Sway:
+def frame_response_of(shot: Samples, site: Site, base: Base, shared: Floats, own: Floats, values: Values) -> Sway:
     """Return the frame's covariance term of a shot, linearised about the motion at these parameters.
 
     ``values`` are the parameters of effects that act on the shot.  The plate starts in its known state, if there is

@@ -43,7 +43,7 @@ def test_the_learned_likelihood_is_that_of_the_dense_covariance() -> None:
     random = np.random.default_rng(2)
     series = [drawn(300, random) for _ in range(2)]
     valid = [np.ones(300, dtype=bool)] * 2
-    floor, value = likeliest_floor(series, valid, FLOOR.spacing_s)
+    floor, value = likeliest_floor(series, valid, FLOOR.spacing_s, weights=len(series) * [1.0], start=None)
     dense = 0.0
     for one in series:
         covariance = _covariance(floor, 300)
@@ -56,10 +56,13 @@ def test_the_learned_likelihood_is_that_of_the_dense_covariance() -> None:
 def test_a_floor_is_learned_as_it_was_made_and_white_noise_stays_white() -> None:
     random = np.random.default_rng(3)
     valid = [np.ones(1200, dtype=bool)] * 3
-    floor, _ = likeliest_floor([drawn(1200, random) for _ in range(3)], valid, FLOOR.spacing_s)
+    equal = [1.0, 1.0, 1.0]
+    drawn_ones = [drawn(1200, random) for _ in range(3)]
+    floor, _ = likeliest_floor(drawn_ones, valid, FLOOR.spacing_s, weights=equal, start=None)
     assert floor.white_m == pytest.approx(1e-10, rel=0.1)
     assert floor.rms_m[0] == pytest.approx(4e-10, rel=0.3)
-    white, _ = likeliest_floor([1e-10 * random.standard_normal(1200) for _ in range(3)], valid, FLOOR.spacing_s)
+    quiet = [1e-10 * random.standard_normal(1200) for _ in range(3)]
+    white, _ = likeliest_floor(quiet, valid, FLOOR.spacing_s, weights=equal, start=None)
     assert white.rms_m == (0.0, 0.0)
     assert white.white_m == pytest.approx(1e-10, rel=0.05)
 
@@ -84,7 +87,7 @@ def test_shots_weighed_by_their_noise_show_one_floor() -> None:
     series = [weight * 1e-10 * random.standard_normal(3000) for weight in weights]
     series[0][:10] = 1.0
     valid = [np.arange(3000) >= 10, np.arange(3000) < 2900]
-    floor, value = likeliest_floor(series, valid, 5e-5, weights=weights)
+    floor, value = likeliest_floor(series, valid, 5e-5, weights=weights, start=None)
     assert floor.rms_m == (0.0, 0.0) and floor.white_m == pytest.approx(1e-10, rel=0.03)
     std = [weight * floor.white_m for weight in weights]
     dense = sum(
@@ -119,9 +122,9 @@ def test_two_parts_are_found_as_they_were_made() -> None:
     root = np.linalg.cholesky(_covariance(floor, 1500))
     series = [root @ random.standard_normal(1500) for _ in range(3)]
     valid = [np.ones(1500, dtype=bool)] * 3
-    two, most = likeliest_floor(series, valid, 5e-5)
+    two, most = likeliest_floor(series, valid, 5e-5, weights=len(series) * [1.0], start=None)
     assert sorted(two.tau_s)[0] == pytest.approx(5e-4, rel=0.5) and sorted(two.rms_m) == pytest.approx(
         [1e-9, 4e-9], rel=0.2
     )
-    again, value = likeliest_floor(series, valid, 5e-5, start=two)
+    again, value = likeliest_floor(series, valid, 5e-5, weights=len(series) * [1.0], start=two)
     assert value == pytest.approx(most, abs=0.2) and sorted(again.rms_m) == pytest.approx(sorted(two.rms_m), rel=0.3)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import PAPER
-from analysis.inference.model.samples import averaged_shot, averaged_shots, spacing
+from analysis.inference.model.samples import averaged_shot, averaged_shots
 from analysis.inference.noise.floor import white_floor
 from tests.analysis.collision.simulated import shot
 
@@ -62,16 +62,15 @@ def test_shots_weigh_by_their_noise_and_must_be_sampled_alike() -> None:
     motions = [replace(shot(seed=k), displacement_std_m=np.full(6000, noise)) for k, noise in ((1, 1e-10), (2, 7e-10))]
     found = averaged_shots(motions)
     assert [one.weight for one in found] == pytest.approx([0.2, 1.4])
-    assert spacing(found) == found[0].spacing_s
     silent = [motions[0], replace(motions[1], displacement_std_m=np.zeros(6000))]
     assert [one.weight for one in averaged_shots(silent)] == [1.0, 1.0]
     for factor, alike in ((1.009, True), (1.011, False)):
-        other = [found[0], replace(found[1], spacing_s=factor * found[0].spacing_s)]
+        other = [motions[0], replace(motions[1], sample_rate_hz=motions[1].sample_rate_hz / factor)]
         if alike:
-            assert spacing(other) == found[0].spacing_s
+            assert averaged_shots(other)[1].spacing_s == pytest.approx(factor * found[0].spacing_s)
         else:
             with pytest.raises(ValueError, match="sampled at different rates"):
-                spacing(other)
+                averaged_shots(other)
 
 
 def test_what_a_frame_may_have_added_counts_where_a_noise_holds_it() -> None:

@@ -275,7 +275,7 @@ def test_directions_are_orthonormal_where_a_frame_moves_a_million_times_the_nois
     assert site.moves
     (shot,) = averaged_shots(motions)
     base, shared = base_named("paper").on_plates(plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
-    sway = frame_response_of(shot, site, base, shared, np.array(shot.course.own))
+    sway = frame_response_of(shot, site, base, shared, np.array(shot.course.own), {})
     for wander_m in (0.0, shot.white_m):
         noise = a_noise(shot.white_m, (0.0,) * site.bands, wander_m)
         known = sway.whitened_directions(noise)
@@ -291,7 +291,7 @@ def test_a_frame_that_nothing_feels_takes_nothing(share: float, capfd: pytest.Ca
     still = replace(site, vibration=replace(site.vibration, power_m2=site.vibration.power_m2 * share**2))
     (shot,) = averaged_shots(motions)
     base, shared = base_named("paper").on_plates(plate_count(motions)), np.array([221.4, 1.984e-4, 1e4, 0.4])
-    sway = frame_response_of(shot, still, base, shared, np.array(shot.course.own))
+    sway = frame_response_of(shot, still, base, shared, np.array(shot.course.own), {})
     noise = a_noise(shot.white_m, (0.0,) * site.bands)
     rows = np.random.default_rng(1).standard_normal((int(shot.valid.sum()), 2))
     most = np.linalg.norm(sway.scaled(noise), 2) ** 2  # of the variance: a plate is never taken to be at rest

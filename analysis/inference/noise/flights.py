@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 from numba import njit
-from numpy.polynomial import Legendre
+from numpy.polynomial.legendre import legvander
 
 from analysis.inference.model.samples import Samples
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
@@ -106,10 +106,10 @@ def spectrum_of(values: Floats, above: float = 0.0, lines: Floats = _NO_LINES) -
     moved = values if above == 0.0 else np.diff(values, 2)
     taper = np.sin(np.pi * (np.arange(moved.size) + 0.5) / moved.size) ** 2
     degree = _TREND if above == 0.0 else 0
-    at = np.arange(moved.size)
-    left = moved - Legendre.fit(at, moved, degree)(at)
+    polynomials = legvander(np.linspace(-1.0, 1.0, moved.size), degree)
+    left = moved - polynomials @ np.linalg.lstsq(polynomials, moved, rcond=None)[0]
     power = np.abs(np.fft.rfft(left * taper)) ** 2 / np.sum(taper**2)
-    angle = 2 * np.pi * at[: power.size] / moved.size
+    angle = 2 * np.pi * np.arange(power.size) / moved.size
     inside = slice(degree + 1, power.size - 1)
     angle, power = angle[inside], power[inside]
     if above > 0.0:

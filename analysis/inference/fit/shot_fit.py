@@ -17,7 +17,7 @@ from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.first_fit import BIASED_CHI2, first_fit, likeliest_plates
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
-from analysis.inference.joint.joint_data import joint_data, resolves_frame_motion
+from analysis.inference.joint.joint_data import frame_motions_of, joint_data
 from analysis.inference.model.base import Plates
 from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.free_parameters import trial_effect, trials_of
@@ -65,11 +65,11 @@ def fit_shots(
     if len(without_nuisances(chosen)) > MAX_EFFECTS or len(set(chosen)) != len(chosen):
         raise ValueError(f"effects must be at most {MAX_EFFECTS} different ones")
     stop = cancelled or (lambda: False)
-    shaken = model == PAPER_MODEL and _PLATE_MOTION not in chosen and all(map(resolves_frame_motion, motions))
-    site = site_under(motions, vibrations if shaken else (), 0.0)
+    shaken = () if _PLATE_MOTION in chosen else frame_motions_of(motions, model, vibrations)
+    site = site_under(motions, shaken, 0.0)
     best = _fit_on(site, motions, model, chosen, stop)
     if site.moves and _POOR_FIT < best.reduced_chi2 < BIASED_CHI2:
-        whole = _fit_on(site_under(motions, vibrations, 0.0, whole=True), motions, model, chosen, stop)
+        whole = _fit_on(site_under(motions, shaken, 0.0, whole=True), motions, model, chosen, stop)
         best = whole if whole.found.converged and whole.reduced_chi2 < best.reduced_chi2 else best
     return best.as_fit(motions, model, began, stop)
 

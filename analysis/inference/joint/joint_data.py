@@ -70,19 +70,15 @@ class JointData:
         return white_floor(max(white_m, MIN_NOISE_M), self.shots[0].spacing_s)
 
 
-def resolves_frame_motion(motion: Motion) -> bool:
-    """Return whether a motion is sampled fast enough to separate frame motion from the optics' noise."""
-    return motion.sample_rate_hz >= _MIN_A_TURN * BELOW_HZ
-
-
 def frame_motions_of(
     motions: Sequence[Motion], model: str, known: Sequence[VibrationSpectrum | None] | None
 ) -> tuple[VibrationSpectrum | None, ...]:
     """Return each shot's frame motion, ``known`` or read from its flights; None for all unless it can be included.
 
-    It is included in the "paper" model only, at a sufficient sample rate.  Cost of reading: about 0.1 s per shot.
+    It is included in the "paper" model only, at a sample rate that separates it from the optics' noise.  Cost of
+    reading: about 0.1 s per shot.
     """
-    if model != PAPER_MODEL or not all(resolves_frame_motion(motion) for motion in motions):
+    if model != PAPER_MODEL or any(motion.sample_rate_hz < _MIN_A_TURN * BELOW_HZ for motion in motions):
         return (None,) * len(motions)
     return tuple(known if known is not None else side_by_side(read_frame_motion, motions))
 

@@ -133,10 +133,6 @@ class OrthonormalBasis:
     own: tuple[Floats, ...]
     shared: tuple[Floats, ...]
 
-    def of_shot(self, index: int) -> Floats:
-        """Return the rows of one shot, shape (n, k + s)."""
-        return np.hstack([self.own[index], self.shared[index]])
-
     def projected(self, rows: Floats) -> Floats:
         """Return ``rows`` of all shots, shape (rows,) or (rows, k), with their projection on the basis subtracted."""
         parts = [_projected_off(basis, part) for basis, part in zip(self.own, _split(rows, self.own), strict=True)]

@@ -39,7 +39,8 @@ def _scan(at: Projector) -> tuple[Floats, Floats]:
     if not at.left.any():
         return grid, total
     # The projection is done per shot, without coupling: shared parameters absorb little of a line.
-    fitted = [np.column_stack([at.basis.of_shot(index), left]) for index, left in enumerate(at.tangents.parts(at.left))]
+    of_shots = zip(at.basis.own, at.basis.shared, at.tangents.parts(at.left), strict=True)
+    fitted = [np.column_stack(of_shot) for of_shot in of_shots]
 
     def of_part(part: tuple[int, int]) -> Floats:
         index, first = part

@@ -14,7 +14,6 @@ from analysis.inference.joint.joint_data import (
     JointData,
     frame_motions_of,
     joint_data,
-    resolves_frame_motion,
 )
 from analysis.inference.model.base import SearchStart, base_named
 from analysis.inference.model.samples import averaged_shots
@@ -61,7 +60,6 @@ def test_a_frames_motion_is_read_where_records_are_quick_and_there_is_a_plate(mo
         SimpleNamespace(sample_rate_hz=rate, time_s=np.array([3.0, end])) for rate, end in ((1e4, 4.0), (9.9e3, 5.0))
     )
     given: Any = [quick, slow]
-    assert [resolves_frame_motion(one) for one in given] == [True, False]
     monkeypatch.setattr(module, "read_frame_motion", lambda motion: motion.sample_rate_hz)
     assert frame_motions_of(given[:1] * 2, "paper", None) == (1e4, 1e4)
     assert frame_motions_of(given[:1], "paper", ["known"]) == ("known",)  # type: ignore[list-item]

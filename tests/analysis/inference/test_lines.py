@@ -97,7 +97,8 @@ def test_a_scan_is_no_coarser_than_the_record_and_its_gains_are_those_of_every_s
         for index, (shot, left) in enumerate(zip(at.problem.data.shots, at.tangents.parts(at.left), strict=True)):
             waves = np.stack([np.cos(turn * shot.centre_s), np.sin(turn * shot.centre_s)], axis=1)
             white = shot.whitened(at.noise, waves)
-            taken = at.basis.of_shot(index).T @ white  # a shot by itself: other shots hold shared parameters
+            basis = np.hstack([at.basis.own[index], at.basis.shared[index]])
+            taken = basis.T @ white  # a shot by itself: other shots hold shared parameters
             pull = white.T @ left
             gain += pull @ np.linalg.solve(white.T @ white - taken.T @ taken, pull)
         assert total[k] == pytest.approx(gain, rel=1e-6)

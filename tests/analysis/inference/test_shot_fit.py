@@ -14,7 +14,7 @@ from analysis.inference.fit import shot_fit
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.fit.shot_fit import _half_way, _settled, fit_shots
 from analysis.inference.joint import joint_data
-from analysis.inference.joint.joint_data import JointData, frame_motions_of, resolves_frame_motion
+from analysis.inference.joint.joint_data import JointData, frame_motions_of
 from analysis.inference.model.base import base_named
 from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.samples import averaged_shots
@@ -104,8 +104,6 @@ def test_the_data_of_several_shots() -> None:
     assert 0.0 < replace(data, shots=tuple(still)).white_noise.white_m <= 1e-15
     plates = with_plates(data.shots, ((1.0, 2.0), (3.0, 4.0)))
     assert [one.plate for one in plates] == [(1.0, 2.0), (3.0, 4.0)] and with_plates(data.shots, ()) == data.shots
-    for rate_hz, fast in ((9.9e3, False), (10.1e3, True)):
-        assert resolves_frame_motion(replace(motions[0], sample_rate_hz=rate_hz)) is fast
 
 
 def test_the_frames_motion_is_read_where_it_is_not_known_and_there_is_a_plate(monkeypatch: pytest.MonkeyPatch) -> None:

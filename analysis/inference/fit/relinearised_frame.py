@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from analysis.collision import Infeasible
+from analysis.inference.fit.first_fit import likeliest_plates
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.model.base import Plates
 from analysis.inference.noise.sway import on_site
@@ -50,11 +51,7 @@ def with_frame_relinearised(fitted: Fitted, stop: Stop) -> Fitted:
 
 def _plates(fitted: Fitted) -> tuple[Plates, float]:
     """Return each plate's likeliest state at first touch given the residual, and the largest change in stds."""
-    plates: list[tuple[float, float]] = []
-    moved = 0.0
-    for shot, left in zip(fitted.problem.data.shots, fitted.residual_m, strict=True):
-        assert shot.sway is not None
-        plate = shot.sway.likeliest_plate(left, fitted.noise)
-        moved = max(moved, float(np.max(np.abs(np.subtract(plate, shot.plate) / shot.sway.plate_std))))
-        plates.append(plate)
-    return tuple(plates), moved
+    plates = likeliest_plates(fitted.problem, fitted.z)
+    pairs = zip(fitted.problem.data.shots, plates, strict=True)
+    moves = [np.subtract(plate, shot.plate) / shot.sway.plate_std for shot, plate in pairs if shot.sway]
+    return plates, float(np.max(np.abs(moves)))

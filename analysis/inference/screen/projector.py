@@ -30,8 +30,6 @@ class CachedColumns:
 
     def serve(self, problem: WeightedModel, z: Floats, lines: Lines) -> bool:
         """Return whether a model of the same samples has nearly the same trajectories and base parameters at ``z``."""
-        if self.problem is problem and self.z is z:
-            return True
         mine, others = self.problem.data.shots, problem.data.shots
         if [id(shot.displacement_m) for shot in mine] != [id(shot.displacement_m) for shot in others]:
             return False
@@ -62,9 +60,9 @@ class Projector(ModelAtVector):
     @classmethod
     def of(cls, problem: WeightedModel, z: Floats, near: "Projector | None" = None) -> Self:
         """Linearise ``problem`` at ``z``; results of a projector ``near`` it are reused as far as they are valid."""
-        lines = near.lines if near and near.problem is problem and near.z is z else problem.derivatives(z)
-        serve = near is not None and near.trajectories.serve(problem, z, lines)
-        return cls._with(problem, z, lines, near.trajectories if near and serve else CachedColumns(problem, z, lines))
+        lines = problem.derivatives(z)
+        serves = near is not None and near.trajectories.serve(problem, z, lines)
+        return cls._with(problem, z, lines, near.trajectories if near and serves else CachedColumns(problem, z, lines))
 
     @classmethod
     def _with(cls, problem: WeightedModel, z: Floats, lines: Lines, trajectories: CachedColumns) -> Self:

@@ -30,9 +30,9 @@ def _sway(off: float, plate: tuple[float, float] = (0.0, 0.0)) -> Any:
 
 
 def _fit(shots: Any, site: Any = MOVING) -> Any:
-    point, noise = Some(values="with the effect"), Some(white_m=WHITE_M)
-    problem, left = Some(data=_Data(shots, site)), [None] * len(shots)
-    return Some(problem=problem, point=point, noise=noise, z=None, residual_m=left, bic=0.0)
+    point, noise = Some(values="with the effect"), Some(white_m=WHITE_M, site=(0.0,))
+    problem = Some(data=_Data(shots, site), noise=noise, residual_m=lambda _z: [None] * len(shots))
+    return Some(problem=problem, point=point, noise=noise, z=None, bic=0.0)
 
 
 def _replaced(one: Any, **changes: Any) -> Any:
@@ -132,17 +132,19 @@ def test_a_fit_at_rest_stays_as_it_is() -> None:
 
 def test_plates_are_read_anew_and_the_farthest_move_is_told_in_standard_deviations() -> None:
     def shot(likely: tuple[float, float], taken: tuple[float, float]) -> Any:
-        def read(left: float, floor: float) -> tuple[float, float]:
-            return likely[0], likely[1] + left * floor
+        def read(left: float, noise: Any) -> tuple[float, float]:
+            return likely[0], likely[1] + left * noise.white_m
 
         sway = Some(plate_std=(2.0, 10.0), likeliest_plate=read)
         return Some(sway=sway, plate=taken)
 
     shots = [shot((1.0, 3.0), (2.0, 5.0)), shot((7.0, 1.0), (6.0, -20.0)), shot((0.0, 0.0), (0.0, 0.0))]
-    data = Some(shots=shots)
-    fitted: Any = Some(problem=Some(data=data), noise=0.5, residual_m=[4.0, 2.0, 0.0])
-    plates, moved = relinearised_frame._plates(fitted)
+
+    def fit(shots: Any, left: list[float]) -> Any:
+        noise = Some(white_m=0.5, site=(0.0,))
+        return Some(problem=Some(data=Some(shots=shots), noise=noise, residual_m=lambda z: z * left), z=1)
+
+    plates, moved = relinearised_frame._plates(fit(shots, [4.0, 2.0, 0.0]))
     assert plates == ((1.0, 5.0), (7.0, 2.0), (0.0, 0.0)) and moved == 2.2
     still = [shot((1.0, 3.0), (1.1, 3.0))]
-    near: Any = Some(problem=Some(data=Some(shots=still)), noise=0.5, residual_m=[0.0])
-    assert relinearised_frame._plates(near)[1] == pytest.approx(0.05)
+    assert relinearised_frame._plates(fit(still, [0.0]))[1] == pytest.approx(0.05)

@@ -10,7 +10,7 @@ the residual of each hypothesis.  The covariance is the sum of frame motion, whi
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ from analysis.inference.noise.site import Site
 from analysis.reading import Bands
 from analysis.shot import Floats
 
+Result = TypeVar("Result")
 _REMEMBERED = 4  # cached results, by noise and by shape of the noise
 _NEARLY = 0.05  # largest cosine between columns that are treated as orthogonal
 _ROUNDING = 2e-15  # fraction of the largest sum of squares: nine units in the last place
@@ -86,8 +87,7 @@ class Sway:
 
         Cost: about r^2 n multiply-adds if the noise has a wandering part.  Results for the last few shapes are cached.
         """
-        known: WhitenedDirections = self._cached("directions", shape_of(noise), self._whiten_directions)
-        return known
+        return self._cached("directions", shape_of(noise), self._whiten_directions)
 
     def scaled(self, noise: Floor) -> Floats:
         """Return the factors of the unit normal numbers along the orthonormal whitened directions, shape (r, m)."""
@@ -107,8 +107,7 @@ class Sway:
 
         ``rows`` are already whitened without frame motion; ``columns`` are those of ``whitened_directions``.
         """
-        known: Floats = self._cached("whitening", noise, self._whitening_matrix)
-        return known
+        return self._cached("whitening", noise, self._whitening_matrix)
 
     def likely(self, left_m: Floats, noise: Floor) -> Floats:
         """Return the likeliest frame motion in m at the valid samples, given a residual at all averaged samples."""
@@ -142,8 +141,7 @@ class Sway:
     def _root(self, noise: Floor) -> Floats:
         """Return the Cholesky factor of the covariance along the orthonormal whitened directions, shape (r, r)."""
         bands = self.whitened_directions(noise).bands
-        known: Floats = self._cached("root", noise, lambda noise: bands.root(noise.logarithms))
-        return known
+        return self._cached("root", noise, lambda noise: bands.root(noise.logarithms))
 
     def _pull(self, left_m: Floats, noise: Floor) -> Floats:
         """Return the inverse covariance along the directions times the residual along them, shape (r,)."""
@@ -171,10 +169,10 @@ class Sway:
         half = solve_triangle(triangle, whitening_matrix, lower=False)
         return solve_triangle(triangle, half.T, lower=False).T
 
-    def _cached(self, what: str, noise: Floor, make: Callable[[Floor], Any]) -> Any:
+    def _cached(self, what: str, noise: Floor, make: Callable[[Floor], Result]) -> Result:
         """Return ``make(noise)``; the last few results are cached."""
         lately = self._known.setdefault(what, {})
-        known = lately.get(noise)
+        known: Result | None = lately.get(noise)
         if known is None:
             known = make(noise)
             while len(lately) >= _REMEMBERED:

@@ -31,8 +31,8 @@ _EVALUATIONS = 18
 _SAME_PATTERN = 0.03  # largest residual of a correct bounce sequence over a wrong one's, even with missing effects
 _SWAYED_PATTERN = 0.2  # the same if the whole residual may be frame motion
 _APART = 0.03  # relative difference of a parameter below which guesses count as one
-_POINTS = 420
 _BEFORE, _AFTER = 0.1, 1.25  # contact times before and after the touch that are compared
+_AT = np.linspace(-_BEFORE, _AFTER, 420)  # contact times from the touch at which they are compared
 _MASS_KG, _RATE_RAD_PER_S = PAPER.block_mass_kg, 110.0  # of the shot for which the candidates are solved
 
 
@@ -42,18 +42,6 @@ class Guess:
 
     collision: Collision
     left_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Patterns:
-    """The solved candidates: times ``at``, shape (p,), in contact times from the touch.
-
-    ``moves``, shape (c, p, 4), are the normalised derivatives of each by offset, velocity, touch time and stiffness.
-    """
-
-    candidates: tuple[Collision, ...]
-    at: Floats
-    moves: Floats
 
 
 def resembling_candidates(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
@@ -142,27 +130,30 @@ def rank(shot: Samples, base: Base) -> list[Guess]:
     Offset, velocity, touch time and plate stiffness are projected out linearly.  The coarse grid therefore covers only
     mass ratio, contact stiffness and damping, which determine the bounces.  About 2 ms; 40 ms for the first call.
     """
-    patterns = _patterns(base)
+    candidates, moves = _patterns(base)
     course, time_s, good = shot.course, shot.centre_s, np.flatnonzero(shot.valid)
-    wanted_s = course.touch_time_s + patterns.at * course.contact_time_s
+    wanted_s = course.touch_time_s + _AT * course.contact_time_s
     nearest = good[np.clip(np.searchsorted(time_s[good], wanted_s), 0, good.size - 1)]
     there = np.abs(time_s[nearest] - wanted_s) < 2 * shot.spacing_s
-    if there.sum() < 2 * patterns.moves.shape[2]:
+    if there.sum() < 2 * moves.shape[2]:
         return []
     measured = np.interp(wanted_s[there], time_s[good], shot.displacement_m[good])
     measured = measured - measured.mean()
-    bases = patterns.moves if there.all() else np.linalg.qr(patterns.moves[:, there])[0]
+    bases = moves if there.all() else np.linalg.qr(moves[:, there])[0]
     inside = np.einsum("cpk,p->ck", bases, measured)
     left = measured - np.einsum("cpk,ck->cp", bases, inside)
     rms = np.sqrt(np.mean(left**2, axis=1))
     mass_kg = shot.moving_mass_kg
-    return [Guess(_scaled(patterns.candidates[k], course, mass_kg), float(rms[k])) for k in np.argsort(rms).tolist()]
+    return [Guess(_scaled(candidates[k], course, mass_kg), float(rms[k])) for k in np.argsort(rms).tolist()]
 
 
 @lru_cache(maxsize=8)
-def _patterns(base: Base) -> _Patterns:
-    at = np.linspace(-_BEFORE, _AFTER, _POINTS)
-    times_s = at * np.pi / _RATE_RAD_PER_S
+def _patterns(base: Base) -> tuple[tuple[Collision, ...], Floats]:
+    """Return the c solved candidates, and the normalised derivatives of each at p times, shape (c, p, 4).
+
+    They are by offset, velocity, touch time and stiffness.
+    """
+    times_s = _AT * np.pi / _RATE_RAD_PER_S
     kept, moves = [], []
     for candidate in base.candidates(_MASS_KG, _MASS_KG * _RATE_RAD_PER_S**2, PAPER.velocity_in_m_per_s):
         try:
@@ -171,13 +162,13 @@ def _patterns(base: Base) -> _Patterns:
             continue
         stiffness = run.displacement_derivatives[:, base.in_kernel[0]]
         columns = np.stack(
-            [np.ones(at.size), run.displacement_derivatives[:, 4], run.velocity_m_per_s, stiffness], axis=1
+            [np.ones(_AT.size), run.displacement_derivatives[:, 4], run.velocity_m_per_s, stiffness], axis=1
         )
         scale = np.linalg.norm(columns, axis=0)
         if np.all(np.isfinite(columns)) and np.all(scale > 0):
             kept.append(candidate)
             moves.append(np.linalg.qr(columns / scale)[0])
-    return _Patterns(tuple(kept), at, np.array(moves))
+    return tuple(kept), np.array(moves)
 
 
 def _scaled(candidate: Collision, course: Course, block_mass_kg: float) -> Collision:

@@ -24,6 +24,7 @@ Starts = Sequence[Mapping[str, float]]
 Paths = dict[int, LinearPath]  # by steps per sample
 MANY_STARTS = 8  # number of starts above which a linearised path costs less than one trajectory per start
 KNOWN_PATH = 1  # the same if the path is already known
+_ShotProducts = tuple[Floats, Floats, Floats, Floats]  # of ``_shot_products``
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,19 +38,6 @@ class ColumnProducts:
     starts: list[Mapping[str, float]]
     whole: Floats
     power: Floats
-    along: Floats
-
-
-@dataclass(frozen=True, slots=True)
-class _ShotProducts:
-    """One shot's part of ``ColumnProducts``: squared norms, (k,), in total (``whole``) and along ``own`` parameters.
-
-    ``shared``, shape (s, k), are products with the directions of shared parameters, ``along`` with the residual.
-    """
-
-    whole: Floats
-    own: Floats
-    shared: Floats
     along: Floats
 
 
@@ -128,10 +116,14 @@ def _inside(at: Projector, starts: Starts) -> list[Mapping[str, float]]:
 
 
 def _shot_products(at: Projector, index: int, columns: WhitenedColumns) -> _ShotProducts:
+    """Return squared norms of one shot's columns, (k,), in total and along the shot's own parameters.
+
+    Then come products with the directions of shared parameters, (s, k), and with the residual, (k,).
+    """
     own, shared, left = at.basis.own[index], at.basis.shared[index], at.tangents.parts(at.left)[index]
     products = columns.products_with(np.column_stack([own, shared, left]))
     of_own, of_shared, along = np.split(products, [own.shape[1], own.shape[1] + shared.shape[1]])
-    return _ShotProducts(columns.products(), column_by_column(of_own, of_own), of_shared, along[0])
+    return columns.products(), column_by_column(of_own, of_own), of_shared, along[0]
 
 
 def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProducts | None]) -> ColumnProducts | None:
@@ -140,8 +132,7 @@ def _sum_over_shots(starts: list[Mapping[str, float]], found: Sequence[_ShotProd
     if len(every) < len(found):
         return None
     with np.errstate(invalid="ignore"):  # a start may overflow, which makes its sums not finite
-        summed = (sum(getattr(one, name) for one in every) for name in ("whole", "own", "shared", "along"))
-        whole, own, shared, along = map(np.asarray, summed)
+        whole, own, shared, along = (np.asarray(sum(parts)) for parts in zip(*every, strict=True))
         power = whole - own - np.einsum("ij,ij->j", shared, shared)
     good = np.flatnonzero(np.isfinite(whole) & np.isfinite(power) & np.isfinite(along))
     return ColumnProducts([starts[int(k)] for k in good], whole[good], power[good], along[good])

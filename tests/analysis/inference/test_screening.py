@@ -62,10 +62,8 @@ def test_where_nothing_but_the_amplitude_differs_the_best_is_enough() -> None:
 
 def test_a_start_that_leads_beyond_all_numbers_is_left_out_in_silence() -> None:
     wild = np.array([3.0, np.inf, np.inf, 5.0])
-    one = columns._ShotProducts(
-        wild, np.zeros(4), np.array([[1.0, np.inf, 0.0, 2.0]]), np.array([1.0, 0.0, np.inf, 2.0])
-    )
-    other = columns._ShotProducts(np.ones(4), np.ones(4), np.zeros((1, 4)), np.array([0.5, 0.0, -np.inf, 0.5]))
+    one = (wild, np.zeros(4), np.array([[1.0, np.inf, 0.0, 2.0]]), np.array([1.0, 0.0, np.inf, 2.0]))
+    other = (np.ones(4), np.ones(4), np.zeros((1, 4)), np.array([0.5, 0.0, -np.inf, 0.5]))
     starts = [{"force_n": float(k)} for k in range(4)]
     found = columns._sum_over_shots(starts, [one, other])  # a RuntimeWarning of the analysis is an error here
     assert found is not None

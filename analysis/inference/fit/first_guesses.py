@@ -8,7 +8,7 @@ all of them.
 import contextlib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -36,20 +36,12 @@ _AT = np.linspace(-_BEFORE, _AFTER, 420)  # contact times from the touch at whic
 _MASS_KG, _RATE_RAD_PER_S = PAPER.block_mass_kg, 110.0  # of the shot for which the candidates are solved
 
 
-@dataclass(frozen=True, slots=True)
-class Guess:
-    """A candidate and the rms residual in m of the contact, with flight and touch time fitted."""
-
-    collision: Collision
-    left_m: float
-
-
 def resembling_candidates(base: Base, shots: Sequence[Samples], most: int) -> list[Floats]:
     """Return the shared parameters of up to ``most`` candidates that resemble the fastest shot's contact, best first.
 
     The candidates are not refined by a fit, since frame motion can bias a fit without it.  Empty with several plates.
     """
-    return [base.shared(guess.collision) for guess in rank(_fastest(shots), base)[:most]] if base.plates == 1 else []
+    return [base.shared(candidate) for candidate in rank(_fastest(shots), base)[0][:most]] if base.plates == 1 else []
 
 
 def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: float = 0.0) -> list[Floats]:
@@ -62,21 +54,21 @@ def first_guesses(base: Base, shots: Sequence[Samples], stop: Stop, sways_m: flo
     if base.plates > 1:
         return [_plate_by_plate(base, shots, stop, sways_m)]
     shot = _fastest(shots)
-    ranked, contact = rank(shot, base), _contact_of(shot)
+    (ranked, left_m), contact = rank(shot, base), _contact_of(shot)
     white = white_floor(max(contact.course.noise_std_m, MIN_NOISE_M), contact.spacing_s)
     problem = Problem(JointData((contact,), base), (), white)
 
-    def tried(guess: Guess) -> tuple[Minimum, Floats] | None:
+    def tried(candidate: Collision) -> tuple[Minimum, Floats] | None:
         if stop():
             raise Cancelled
         with contextlib.suppress(Infeasible):
-            z = problem.pack(Point(base.shared(guess.collision), contact.course.own[None, :], ({},)))
+            z = problem.pack(Point(base.shared(candidate), contact.course.own[None, :], ({},)))
             found = problem.search(z, evaluations=_EVALUATIONS, cancelled=stop)
             return found, problem.unpack(found.parameters).base
         return None
 
     first = tried(ranked[0]) if ranked else None
-    usual = float(np.median([guess.left_m for guess in ranked])) if ranked else 0.0  # residual of wrong sequences
+    usual = float(np.median(left_m)) if ranked else 0.0  # residual of wrong sequences
     enough = max(_SAME_PATTERN * usual, min(sways_m, _SWAYED_PATTERN * usual))
     if first is not None and white.white_m * math.sqrt(first[0].square.chi2 / first[0].square.samples) < enough:
         return [first[1]]
@@ -124,8 +116,8 @@ def _fastest(shots: Sequence[Samples]) -> Samples:
     return max(shots, key=lambda shot: abs(shot.course.velocity_in_m_per_s))
 
 
-def rank(shot: Samples, base: Base) -> list[Guess]:
-    """Return candidates, best first, by the residual of a shot's contact with flight and touch time fitted.
+def rank(shot: Samples, base: Base) -> tuple[list[Collision], Floats]:
+    """Return candidates, best first, and the rms residual in m of a shot's contact given each.
 
     Offset, velocity, touch time and plate stiffness are projected out linearly.  The coarse grid therefore covers only
     mass ratio, contact stiffness and damping, which determine the bounces.  About 2 ms; 40 ms for the first call.
@@ -136,15 +128,15 @@ def rank(shot: Samples, base: Base) -> list[Guess]:
     nearest = good[np.clip(np.searchsorted(time_s[good], wanted_s), 0, good.size - 1)]
     there = np.abs(time_s[nearest] - wanted_s) < 2 * shot.spacing_s
     if there.sum() < 2 * moves.shape[2]:
-        return []
+        return [], np.empty(0)
     measured = np.interp(wanted_s[there], time_s[good], shot.displacement_m[good])
     measured = measured - measured.mean()
     bases = moves if there.all() else np.linalg.qr(moves[:, there])[0]
     inside = np.einsum("cpk,p->ck", bases, measured)
     left = measured - np.einsum("cpk,ck->cp", bases, inside)
     rms = np.sqrt(np.mean(left**2, axis=1))
-    mass_kg = shot.moving_mass_kg
-    return [Guess(_scaled(candidates[k], course, mass_kg), float(rms[k])) for k in np.argsort(rms).tolist()]
+    order = np.argsort(rms)
+    return [_scaled(candidates[k], course, shot.moving_mass_kg) for k in order.tolist()], rms[order]
 
 
 @lru_cache(maxsize=8)

@@ -24,7 +24,6 @@ PLATE_NAMES = (
     "contact_damping_n_s_per_m",
 )
 BODY_NAMES = PLATE_NAMES[:2]  # parameters that each plate has separately
-CONTACT_NAMES = PLATE_NAMES[2:]
 OWN_NAMES = ("velocity_in_m_per_s", "touch_time_s", "offset_m")
 Plates = tuple[tuple[float, float], ...]
 # grid of the candidates: plate mass over block mass, contact stiffness over smooth contact's, damping ratio
@@ -67,8 +66,7 @@ class Base(ABC):
     @property
     def contact_at(self) -> slice:
         """Get the indices of contact stiffness and damping among the shared parameters."""
-        first = self.names.index(CONTACT_NAMES[0])
-        return slice(first, first + len(CONTACT_NAMES))
+        return slice(2, 4) if self.plate_moves else slice(0, 2)
 
     @abstractmethod
     def on_plates(self, plates: int) -> "Base":

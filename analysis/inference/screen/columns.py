@@ -148,10 +148,8 @@ def _moved(at: Projector, kind: TrialEffect, starts: Starts) -> Point | None:
 
 def contribution_of(at: Projector, kind: TrialEffect, starts: Starts) -> list[Floats] | None:
     """Return an effect's contribution to each shot's averaged samples, (n,) each; None if there is no trajectory."""
-    point = _moved(at, kind, starts)
-    if point is None:
-        return None
-    columns = [_by_trajectories(at, kind, [point], index)[:, 0] for index in range(len(at.lines))]
+    moved = [_moved(at, kind, starts)]
+    columns = [_by_trajectories(at, kind, moved, index)[:, 0] for index in range(len(at.lines))]
     return columns if all(np.all(np.isfinite(column)) for column in columns) else None
 
 

@@ -155,7 +155,7 @@ def solve_with_modes(
 
     The events are those that occurred, each with the mode after it.  The states include the hidden states.
     """
-    return _solved(collision, effects, time_s, fastest_rates(collision, effects), whole=True, spacing_s=spacing_s)
+    return _solved(collision, effects, time_s, fastest_rates(collision, effects), spacing_s=spacing_s)
 
 
 def _solved(
@@ -167,22 +167,21 @@ def _solved(
     directions: Sequence[int] = (),
     stride: float = 1.0,
     block: int = 1,
-    whole: bool = False,
-    spacing_s: float = 0.0,
+    spacing_s: float | None = None,
 ) -> Record:
-    """Return the solution; ``whole``: with hidden states; ``spacing_s``: the spacing of most times (0: unknown)."""
+    """Return the solution; with ``spacing_s``, the spacing of most times (0: unknown), also the hidden states."""
     times = np.ascontiguousarray(time_s, dtype=np.float64)
     if times.ndim != 1 or times.size < block or not np.all(times[1:] >= times[:-1]):
         raise ValueError("time_s must be one-dimensional, not empty and ascending")
     system = build_system(collision, effects, directions)
     numbers = system.numbers
-    shown = 1 + numbers if whole else 5
+    shown = 5 if spacing_s is None else 1 + numbers
     record = _record(times, block, system, shown)
     closed: Any = march.in_closed_form
     count = march.NOT_LINEAR
     if not any(active.effect.nonlinear for active in effects):
         room = np.zeros(march.room_for(system, record))
-        count = closed(system, record, np.array([*rates.of_modes, spacing_s]), room)
+        count = closed(system, record, np.array([*rates.of_modes, spacing_s or 0.0]), room)
     if count == march.NOT_LINEAR:
         record = _record(times, 1, system, shown)
         stepped: Any = march.step_by_step

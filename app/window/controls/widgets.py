@@ -43,16 +43,16 @@ class TextLabel(QLabel):
 
 
 class ElidedLabel(TextLabel):
-    """A label of one line that shortens its text to its width (see ``text_label``)."""
+    """A label of one line that shortens its text to its width; empty if not even its property "least" fits."""
 
-    def __init__(self, parent: QWidget, elide: Qt.TextElideMode, least: str) -> None:
+    def __init__(self, parent: QWidget, elide: Qt.TextElideMode) -> None:
         super().__init__(parent)
-        self._elide, self._least = elide, least
+        self._elide = elide
         self.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Preferred)
 
     def setText(self, text: str) -> None:
         metrics, room = self.fontMetrics(), self.width()
-        enough = room >= metrics.horizontalAdvance(self._least)
+        enough = room >= metrics.horizontalAdvance(self.property("least") or "")
         super().setText(metrics.elidedText(text, self._elide, room) if enough else "")
         self.whole = text
 
@@ -73,28 +73,31 @@ def text_label(
     *,
     wrap: bool = False,
     elide: Qt.TextElideMode = Qt.TextElideMode.ElideNone,
-    least: str = "",
     faint: bool = False,
-    heading: bool = False,
     bold: bool = False,
     size: float = 1.0,
     selectable: bool = False,
 ) -> TextLabel:
-    """Return a label; ``faint`` and ``heading`` are styles of the style sheet, ``selectable`` text can be copied.
+    """Return a label; ``faint`` is a style of the style sheet, ``selectable`` text can be copied.
 
-    ``size`` is relative to the parent's font.  With ``elide`` the label has one line, which is shortened to its width;
-    it is empty if even the text ``least`` does not fit.
+    ``size`` is relative to the parent's font.  With ``elide`` the label has one line, which is shortened to its width.
     """
-    label = TextLabel(parent) if elide is Qt.TextElideMode.ElideNone else ElidedLabel(parent, elide, least)
+    label = TextLabel(parent) if elide is Qt.TextElideMode.ElideNone else ElidedLabel(parent, elide)
     label.setText(text)
     label.setWordWrap(wrap)
     if bold or size != 1.0:
         label.setFont(sized(label.font(), size, bold))
-    for name, on in (("faint", faint), ("heading", heading)):
-        if on:
-            label.setProperty(name, True)
+    if faint:
+        label.setProperty("faint", True)
     if selectable:
         label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+    return label
+
+
+def heading_label(text: str, parent: QWidget, *, wrap: bool = False) -> TextLabel:
+    """Return a label in the style sheet's style of a heading."""
+    label = text_label(text, parent, wrap=wrap)
+    label.setProperty("heading", True)
     return label
 
 

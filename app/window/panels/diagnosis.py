@@ -12,6 +12,7 @@ from app.window.controls.widgets import (
     FoldButton,
     add_row,
     added,
+    heading_label,
     keep_place,
     push_button,
     scrolled,
@@ -82,7 +83,7 @@ class DiagnosisPanel(QWidget):
         split = self._evidence = QSplitter(Qt.Orientation.Horizontal, self)
         left = QWidget(split)
         left_column = vertical(left)
-        left_column.addWidget(text_label("CANDIDATES, BY EVIDENCE", left, heading=True, wrap=True))
+        left_column.addWidget(heading_label("CANDIDATES, BY EVIDENCE", left, wrap=True))
         self.bars = added(left_column, CandidateBars(left), 1)
         self.why = ResidualOverlay(self.bars, split)
         split.setSizes([380, 600])

@@ -12,7 +12,7 @@ from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPlainTextEdit, QScro
 
 from app.report import program_words
 from app.window.controls.commands import COMMANDS, MOUSE, ON_PLOT
-from app.window.controls.widgets import Sheet, add_row, added, push_button, text_label, vertical
+from app.window.controls.widgets import Sheet, add_row, added, heading_label, push_button, text_label, vertical
 
 
 class KeySheet(Sheet):
@@ -71,7 +71,7 @@ def _key_list(sides: int) -> QWidget:
     lines = [0] * sides
     for name, rows in groups.items():
         side = lines.index(min(lines))
-        grid.addWidget(text_label(name.upper(), inside, heading=True), lines[side], 3 * side, 1, 2)
+        grid.addWidget(heading_label(name.upper(), inside), lines[side], 3 * side, 1, 2)
         lines[side] += 1
         for sequence, words in rows:
             grid.addWidget(text_label(sequence, inside, bold=True), lines[side], 3 * side)

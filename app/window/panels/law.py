@@ -18,6 +18,7 @@ from app.window.controls.widgets import (
     add_row,
     added,
     combo_box,
+    heading_label,
     line_edit,
     push_button,
     show_toned,
@@ -45,7 +46,7 @@ class LawCurve(QWidget):
         self._laws: tuple[LearnedLaw, ...] = ()
         self._which = 0
         column = vertical(self)
-        self._heading = text_label("", self, heading=True, wrap=True)
+        self._heading = heading_label("", self, wrap=True)
         self.other = push_button("The other law", "Two laws were learned; show the other", self, self._turn)
         hover = "Overlay the other closed forms that fit"
         self.compare = push_button("Compare forms", hover, self, self._draw, checkable=True)
@@ -167,7 +168,7 @@ class LawSheet(Sheet):
         for editor in (self.name, self.words, self.where, self.formula):
             form.addRow(editor.accessibleName(), editor)
         column.addLayout(form)
-        column.addWidget(text_label("PARAMETERS", self, heading=True))
+        column.addWidget(heading_label("PARAMETERS", self))
         grid = QGridLayout()
         for place, name in enumerate((*(name for name, _ in PARAMETER_COLUMNS), "fitted per shot")):
             grid.addWidget(QLabel(name, self), 0, place)

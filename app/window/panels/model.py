@@ -7,7 +7,7 @@ from analysis.collision import Effect
 from analysis.fitted import fit_pending
 from analysis.shot import Fit, Shot, split_unit
 from app.window.controls.theme import MARKS, Tone
-from app.window.controls.widgets import add_row, push_button, set_tone, show_toned, text_label, vertical
+from app.window.controls.widgets import add_row, heading_label, push_button, set_tone, show_toned, text_label, vertical
 from app.words import (
     OUTDATED,
     Markup,
@@ -45,7 +45,7 @@ class ModelPanel(QFrame):
         hover = "Correlations of the fitted parameters of this shot"
         self.correlated = push_button("Correlations", hover, self, checkable=True)
         self.correlated.toggled.connect(self._unfold)
-        heading = text_label("MODEL", self, heading=True)
+        heading = heading_label("MODEL", self)
         add_row(column, heading, self.correlated, self.diagnose, self.details)
         labels = [text_label("", self, selectable=True, wrap=True) for _ in range(5)]
         self._model, self._fit, self.known, self.verdict, self.correlations = labels

@@ -6,7 +6,15 @@ from PySide6.QtWidgets import QFrame, QHBoxLayout, QPushButton, QWidget
 from analysis.collision import Effect
 from analysis.diagnosis import Diagnosis, Verdict, in_words, remark_on
 from analysis.planning import NextShot, PlannedStep, PlanningState, first_indistinguishable
-from app.window.controls.widgets import FlowLayout, added, clear_layout, push_button, text_label, vertical
+from app.window.controls.widgets import (
+    FlowLayout,
+    added,
+    clear_layout,
+    heading_label,
+    push_button,
+    text_label,
+    vertical,
+)
 from app.words import localised_text
 
 MAX_TRIED = 3
@@ -27,7 +35,7 @@ class NextSteps(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         column = vertical(self, (0, 0, 0, 0), 2)
-        column.addWidget(text_label("NEXT STEP", self, heading=True))
+        column.addWidget(heading_label("NEXT STEP", self))
         row = QWidget(self)
         self._row = FlowLayout(row)
         column.addWidget(row)
@@ -74,7 +82,7 @@ class NextShotCard(QFrame):
         super().__init__(parent)
         self.setProperty("card", True)
         column = vertical(self, (8, 4, 8, 4), 2)
-        column.addWidget(text_label("NEXT SHOT", self, heading=True))
+        column.addWidget(heading_label("NEXT SHOT", self))
         self.sentence = added(column, text_label("", self, wrap=True))
         self.sentence.setToolTip(NORMS)
         self.log = added(column, text_label("", self, faint=True, wrap=True))

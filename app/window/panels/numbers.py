@@ -14,6 +14,7 @@ from app.window.controls.theme import MARKS, Colours, Themed, Tone
 from app.window.controls.widgets import (
     FoldButton,
     add_row,
+    heading_label,
     push_button,
     set_tone,
     show_toned,
@@ -111,7 +112,7 @@ class NumbersPanel(Themed, QScrollArea):
     def _add_groups(self, grid: QGridLayout, inner: QWidget) -> None:
         """Add all numbers under the headings of their groups."""
         for group in (group for group in Group if group is not Group.ANALYSIS):
-            label = text_label(group.value, inner, heading=True)
+            label = heading_label(group.value, inner)
             if self._rows:  # the first heading needs no space above it
                 label.setMinimumHeight(int(1.15 * self.fontMetrics().height()))
             label.setAlignment(Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter)

@@ -15,7 +15,7 @@ from analysis.uncertainty import diagnosis_band
 from app.report import grid_ms, time_zero
 from app.session import CandidateResidual, by_evidence
 from app.window.controls.theme import Colours, Themed, Tone
-from app.window.controls.widgets import add_row, added, push_button, text_label, vertical
+from app.window.controls.widgets import add_row, added, heading_label, push_button, text_label, vertical
 from app.window.panels.effects import CandidateBars
 from app.window.plots.cursors import SECONDS, TIME, CursorAxis, CursorReadout
 from app.window.plots.lines import RESIDUAL
@@ -49,7 +49,7 @@ class ResidualOverlay(Themed, QWidget):
         self._found: Mapping[Effect, CandidateResidual] = {}
         self._effect: Effect | None = None
         column = vertical(self, (6, 0, 0, 0))
-        self._heading = text_label("", self, heading=True, wrap=True)
+        self._heading = heading_label("", self, wrap=True)
         hover = "Residuals with the best and with the second-best candidate, side by side"
         self.neighbour = push_button("Compare best two", hover, self, checkable=True)
         self.neighbour.toggled.connect(self._draw)
@@ -208,7 +208,7 @@ class Residuals(QWidget):
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         column = vertical(self, (6, 0, 0, 0))
-        self._heading = added(column, text_label("RESIDUAL OF DISPLACEMENT", self, heading=True, wrap=True))
+        self._heading = added(column, heading_label("RESIDUAL OF DISPLACEMENT", self, wrap=True))
         self.stack = BeforeAfter("Residual before and after", "nm", "time from first touch", TIME, self)
         self.curves = [plot.add_curve("residual", RESIDUAL) for plot in self.stack.plots]
         title = "Residual of force before and after"

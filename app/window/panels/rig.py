@@ -206,8 +206,9 @@ class SignalLine(QFrame):
                 row.addWidget(widget)
             row.addSpacing(4)
             self._marks[name], self.values[name] = mark, value
-        middle, least = Qt.TextElideMode.ElideMiddle, "saving to /home …/data"
-        self._folder = text_label("", self, elide=middle, least=least, faint=True, selectable=True)
+        middle = Qt.TextElideMode.ElideMiddle
+        self._folder = text_label("", self, elide=middle, faint=True, selectable=True)
+        self._folder.setProperty("least", "saving to /home …/data")
         row.addWidget(self._folder, 1)
         for name, _, _ in TILES:
             self.show_tile(name, TileText(DASH, Tone.NEUTRAL))

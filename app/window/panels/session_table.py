@@ -20,7 +20,7 @@ from PySide6.QtWidgets import (
 
 from app.session import Entry, Session
 from app.window.controls.commands import with_keys
-from app.window.controls.widgets import added, combo_box, line_edit, push_button, text_label, vertical
+from app.window.controls.widgets import added, combo_box, heading_label, line_edit, push_button, vertical
 from app.window.panels.session_model import FLAGS, GROUPS, NOTE, VERDICT, SessionModel, TableOrder
 
 
@@ -52,7 +52,7 @@ class SessionTable(QFrame):
         self.setProperty("card", True)
         column = vertical(self, (6, 2, 6, 2), 2)
         bar = QHBoxLayout()
-        self._count = added(bar, text_label("SHOTS", self, heading=True))
+        self._count = added(bar, heading_label("SHOTS", self))
         bar.addStretch(1)
         self._can_undo = False
         self._numbers: list[int] = []

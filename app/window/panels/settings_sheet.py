@@ -7,7 +7,16 @@ from analysis.uncertainty import with_unit
 from app.session import FIELDS
 from app.window.controls.file_dialog import PathKind, ask
 from app.window.controls.theme import Tone
-from app.window.controls.widgets import Sheet, added, combo_box, horizontal, push_button, show_toned, text_label
+from app.window.controls.widgets import (
+    Sheet,
+    added,
+    combo_box,
+    heading_label,
+    horizontal,
+    push_button,
+    show_toned,
+    text_label,
+)
 from app.words import localised_number, typed_number, typed_numbers
 from levimass import Setting, Value
 
@@ -44,7 +53,7 @@ class SettingsSheet(Sheet):
         for field in FIELDS:
             if field.group != group:
                 group = field.group
-                form.addRow(text_label(group.upper(), inner, heading=True))
+                form.addRow(heading_label(group.upper(), inner))
             editor = self._editor(field, inner)
             editor.setToolTip(field.hover)
             label = with_unit(field.words, field.unit)

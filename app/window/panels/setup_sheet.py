@@ -12,6 +12,7 @@ from app.window.controls.widgets import (
     add_row,
     added,
     clear_layout,
+    heading_label,
     line_edit,
     push_button,
     set_tone,
@@ -46,7 +47,7 @@ class SetupSheet(Sheet):
 
     def _add_sources(self, column: QVBoxLayout) -> None:
         self.look = push_button("Look again", "Search again for devices", self)
-        add_row(column, text_label("1   CHOOSE THE SOURCE", self, heading=True), self.look)
+        add_row(column, heading_label("1   CHOOSE THE SOURCE", self), self.look)
         self._found = added(column, text_label("", self, wrap=True))
         self._devices = QGridLayout()
         self._devices.setColumnStretch(0, 1)
@@ -69,14 +70,14 @@ class SetupSheet(Sheet):
         self._permission = QWidget(self)
         permission = vertical(self._permission, (0, 8, 0, 0))
         copy = push_button("Copy", "Copy these lines for a terminal", self, self._copy)
-        add_row(permission, text_label("PERMISSION TO USE THE DEVICE", self, heading=True), copy)
+        add_row(permission, heading_label("PERMISSION TO USE THE DEVICE", self), copy)
         self.remedy = added(permission, text_label("", self, selectable=True, wrap=True))
         self._permission.hide()
         column.addWidget(self._permission)
 
     def _add_checks(self, column: QVBoxLayout) -> None:
         column.addSpacing(10)
-        column.addWidget(text_label("2   CHECK THE SIGNALS, THE BLOCK AT REST", self, heading=True))
+        column.addWidget(heading_label("2   CHECK THE SIGNALS, THE BLOCK AT REST", self))
         self._lines: list[QLabel] = []
         for _ in range(MAX_CHECKS):
             line = text_label("", self, selectable=True, wrap=True)
@@ -86,7 +87,7 @@ class SetupSheet(Sheet):
             self._lines.append(line)
             column.addWidget(line)
         column.addSpacing(10)
-        column.addWidget(text_label("3   ARM", self, heading=True))
+        column.addWidget(heading_label("3   ARM", self))
         self.verdict = added(column, text_label("", self, wrap=True, bold=True, size=1.15))
         hover = "Close the set-up and wait for the light switch  (space)"
         self.arm = added(column, push_button("ARM", hover, self, primary=True))

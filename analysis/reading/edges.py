@@ -372,7 +372,7 @@ def _costs_of_two(gram: Floats, across: Floats, whole: float, terms: int, cost: 
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _explained(gram: Floats, across: Floats, index: Ints, free: Mask) -> float:
+def _explained(gram: Floats, across: Floats, index: Ints, free: Mask) -> float:  # noqa: C901 (kernel)
     """Return the largest sum of squares explained by columns ``index``, with coefficients >= 0 unless ``free``.
 
     If the best coefficients of a subset are not allowed, one of the negative ones is zero at the allowed optimum.  The

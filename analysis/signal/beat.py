@@ -120,7 +120,7 @@ def _unwrap(
 
 
 @njit(**_KERNEL)
-def _read(
+def _read(  # noqa: PLR0913 (kernel)
     flat: Counts,
     channels: int,
     column: int,

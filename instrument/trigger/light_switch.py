@@ -183,7 +183,7 @@ def _passes(lowest, highest, state):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _first_step(counts, column, edge, least, state):  # type: ignore[no-untyped-def]
+def _first_step(counts, column, edge, least, state):  # type: ignore[no-untyped-def]  # noqa: C901 (kernel)
     """Advance ``state`` over counts[:, column] sample by sample; return the first triggering step, -1 for none."""
     given = state[_LOW] == state[_LOW]
     found = -1

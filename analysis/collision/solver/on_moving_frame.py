@@ -36,7 +36,7 @@ def moved_by_frame(path: LinearPath, collision: Collision, omega: Floats, sample
 
 
 @kernel
-def _follow(path, pull, omega, rows, room, which, weights, shown, after):  # type: ignore[no-untyped-def]
+def _follow(path, pull, omega, rows, room, which, weights, shown, after):  # type: ignore[no-untyped-def]  # noqa: PLR0913
     """Write the change at the samples and the velocity ``after`` the last event.
 
     ``rows``, shape (n + 3, 2 f), are the states and minus the frame's acceleration at start, middle and end of a step;

@@ -76,7 +76,7 @@ def _times(shared, cross, own, shared_at, own_at, vector):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _solve(shared, cross, own, shared_at, own_at, unit, free, damping, out):  # type: ignore[no-untyped-def]
+def _solve(shared, cross, own, shared_at, own_at, unit, free, damping, out):  # type: ignore  # noqa: C901, PLR0913
     """Write the solution, zero where not ``free``, in place of the right-hand side ``out``, shape (p,).
 
     The matrix is scaled by ``unit``, shape (p,), to unit diagonal, or zero for a parameter that moves nothing.  Returns

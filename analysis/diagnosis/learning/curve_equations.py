@@ -8,13 +8,14 @@ its square.  The smoothing of the curves is set by restricted maximum likelihood
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.collision import Infeasible
 from analysis.diagnosis.learning.curve_motion import Term, places_of
-from analysis.inference import Arrow, Problem
+from analysis.inference import Arrow, NormalMatrix, Problem
 from analysis.shot import Floats
 
 _BEYOND = 1e100  # noise norms: larger than any motion of the rig
@@ -50,6 +51,11 @@ class CurveEquations:
         """Get the number of columns of the base model that all shots share."""
         return int((self.columns.places[0][: self.columns.shared] < self.base).sum())
 
+    @cached_property
+    def curvature(self) -> NormalMatrix:
+        """Get the matrix of the normal equations, without smoothing."""
+        return self.columns.normal_matrix()
+
     @property
     def samples(self) -> int:
         """Get the number of samples that ``reduced`` represents: those of all shots less the eliminated parameters."""
@@ -73,10 +79,10 @@ class CurveEquations:
     ) -> Floats | None:
         """Return the step of all ``free`` parameters, damped in directions that the shots hardly constrain; or None."""
         coefficients = np.concatenate([term.coefficients for term in terms])
-        curvature, pull = self.columns.normal_matrix(), self.columns.pull(self.left)
-        curvature.shared[self.shared_base :, self.shared_base :] += penalty
+        shared, pull = self.curvature.shared.copy(), self.columns.pull(self.left)
+        shared[self.shared_base :, self.shared_base :] += penalty
         pull[self.base :] -= penalty @ coefficients
-        return curvature.solve(pull, free, damping)
+        return replace(self.curvature, shared=shared).solve(pull, free, damping)
 
 
 def whitened_residual(problem: Problem, left_m: Iterable[Floats]) -> Floats:

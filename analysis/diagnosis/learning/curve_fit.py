@@ -224,7 +224,7 @@ def _fitted(
     problem = problem.with_noise(noise)
     equations = here.equations(problem)
     _, penalty, freedom = equations.step(here.terms)
-    return Learned(problem, here.terms, here.z, left, value, equations.columns.normal_matrix(), penalty, freedom)
+    return Learned(problem, here.terms, here.z, left, value, equations.curvature, penalty, freedom)
 
 
 class _StepResult(NamedTuple):

@@ -3,6 +3,8 @@
 ``python -m tests.benchmarks.streaming [--seconds 60] [--no-window]`` prints what was lost (target: nothing), the
 longest time the screen stood still (target: 50 ms), memory and how busy the machine was.  Shots are taken and
 analysed all the while.  Recordings are deleted as they come, so that the disk does not fill.
+With ``--pages`` no shot is taken: how busy is the window's process at LIVE (target: 0.20 of a core) and at a page that
+stands still (target: 0.03)?
 """
 
 import argparse
@@ -157,6 +159,15 @@ class _Application:
             self.application.processEvents()
             time.sleep(0.002)
 
+    def show(self, page: int, seconds: float) -> None:
+        """Show a page for so long, nobody touching anything."""
+        from PySide6.QtCore import QEventLoop, QTimer
+
+        self.window.panels.tabs.setCurrentIndex(page)
+        loop = QEventLoop()
+        QTimer.singleShot(round(seconds * 1e3), loop.quit)
+        loop.exec()
+
     def run(self, seconds: float, seen: Seen, folder: Path) -> None:
         """Let the window live, a tick every 5 ms telling how long the screen stood still."""
         from PySide6.QtCore import QEventLoop, QTimer
@@ -214,6 +225,7 @@ def main() -> None:
     parser.add_argument("--in-process", action="store_true", help="the bench in this process, not in one of its own")
     parser.add_argument("--no-window", action="store_true")
     parser.add_argument("--no-analysis", action="store_true")
+    parser.add_argument("--pages", action="store_true", help="how busy the window is at two pages, no shot taken")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -230,11 +242,37 @@ def main() -> None:
             shown.until(
                 lambda: shown.rig.latest().signal.switch_toggles >= 2 and not shown.window.workbench.jobs.open_jobs
             )
-            shown.rig.set_rearm(True)
-            shown.rig.arm()
-            shown.until(lambda: shown.rig.latest().shots >= 2)  # the first analyses have compiled what they need
-            measured(shown.rig.latest, lambda seen: shown.run(options.seconds, seen, folder))
+            if options.pages:
+                pages(shown, options.seconds)
+            else:
+                shown.rig.set_rearm(True)
+                shown.rig.arm()
+                shown.until(lambda: shown.rig.latest().shots >= 2)  # the first analyses have compiled what they need
+                measured(shown.rig.latest, lambda seen: shown.run(options.seconds, seen, folder))
             shown.window.close()
+
+
+def pages(shown: _Application, seconds: float) -> None:
+    """Print how busy the window's process is while a page is shown, by thread."""
+    from app.window.panels.layout import Layout
+
+    for name, page in (("LIVE", Layout.LIVE), ("DIAGNOSIS, standing still", Layout.DIAGNOSIS)):
+        shown.show(page, 3.0)
+        before = thread_seconds()
+        shown.show(page, seconds)
+        spent = spent_since(before)
+        print(f"{sum(ran for ran, _ in spent.values()) / seconds:.3f} of a core at {name}")
+        for thread, (ran, _) in sorted(spent.items(), key=lambda item: -item[1][0]):
+            print(f"    {ran / seconds:.3f}  {thread}")
+
+
+def spent_since(before: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+    """Return how much more than ``before`` each thread has had and waited for, as ``thread_seconds`` does."""
+    spent = {}
+    for name, after in thread_seconds().items():
+        ran, waited = before.get(name, (0.0, 0.0))
+        spent[name] = max(0.0, after[0] - ran), max(0.0, after[1] - waited)
+    return spent
 
 
 def measured(latest: Callable[[], Snapshot], run: Callable[[Seen], None]) -> None:
@@ -244,10 +282,7 @@ def measured(latest: Callable[[], Snapshot], run: Callable[[Seen], None]) -> Non
     begun, first = time.perf_counter(), latest()
     run(seen)
     seconds = time.perf_counter() - begun
-    spent = {}
-    for name, after in thread_seconds().items():
-        ran, waited = before.get(name, (0.0, 0.0))
-        spent[name] = max(0.0, after[0] - ran), max(0.0, after[1] - waited)
+    spent = spent_since(before)
     assert seen.end is not None
     stream_s = (seen.end.signal.samples_read - first.signal.samples_read) / RATE_HZ
     lost = seen.end.signal.losses - first.signal.losses

@@ -24,7 +24,7 @@ from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.scale_maxima import at_likeliest_scale
 from analysis.diagnosis.verdict.acceptance import GatedFit, settle
-from analysis.inference import STILL_FRAME
+from analysis.inference import STILL_FRAME, Fitted, frame_moves_far, with_frame_relinearised
 from analysis.shot import AnalysisError
 
 
@@ -70,7 +70,8 @@ class BestFirst:
         """Return the likeliest explanation.
 
         Raises Cancelled when asked to stop, AnalysisError where nothing seems to be missing but time ran out before
-        the effects of the catalogue were compared: noise learned without them may have absorbed one.
+        the effects of the catalogue were compared: noise learned without them may have absorbed one; and where
+        something seems to be missing but the frame moves too far for its response to be computed.
         """
         while self._answer is None:
             self._next_step()()
@@ -79,7 +80,16 @@ class BestFirst:
                 f"no time within {self._question.limit.seconds:g} s to compare the effects of the catalogue: "
                 "allow more, or diagnose fewer shots"
             )
+        if self._answer.verdict is not Verdict.ADEQUATE and self._frame_hides(self._answer.after):
+            raise AnalysisError(
+                "the frame moves so far in contact that its effect on these shots cannot be computed: "
+                "take them at a quieter site"
+            )
         return self._answer
+
+    def _frame_hides(self, fitted: Fitted) -> bool:
+        """Return whether a fit on a frame that moves far does not agree with its frame response."""
+        return frame_moves_far(fitted) and not with_frame_relinearised(fitted, self._question.stop)[1]
 
     def _next_step(self) -> Callable[[], None]:
         """Choose the next step; only this method and the two below decide the order of steps."""

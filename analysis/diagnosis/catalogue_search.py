@@ -33,6 +33,7 @@ from analysis.inference import (
     TrialEffect,
     base_fit,
     first_guesses,
+    frame_moves_far,
     joined,
     joint_data,
     per_shot_nuisances,
@@ -97,7 +98,8 @@ class Search:
         def along_with(along: Sequence[Effect]) -> tuple[Fitted, Trail]:
             base = base_fit(data, given, stop, along)
             start = accept(base, question.catalogue, question.accepted, stop)
-            start = with_frame_relinearised(start, stop) if question.accepted else start
+            if question.accepted or frame_moves_far(start):
+                start, _ = with_frame_relinearised(start, stop)
             question.progress("scoring the catalogue", 0.15)
             if not site.moves:
                 return search_from_base(Trail(start, catalogue, stop, limit=limit, beat=beat), given, most)

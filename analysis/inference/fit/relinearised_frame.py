@@ -12,46 +12,89 @@ from analysis.collision import Infeasible
 from analysis.inference.fit.first_fit import likeliest_plates
 from analysis.inference.fit.problem import Fitted
 from analysis.inference.model.base import Plates
-from analysis.inference.noise.sway import on_site
-from analysis.shot import Stop
+from analysis.inference.model.effective_parameters import Point
+from analysis.inference.model.samples import Samples
+from analysis.inference.noise.sway import Sway, on_site
+from analysis.shot import Floats, Stop
 
 _MATTERS = 0.02  # error of the response, over the white noise, above which the fit is repeated
-_FAR = 0.6  # plate stds from the linearisation point, below which the linear response is adequate
-_TURNS = 8  # maximum number of iterations of plates and fit; each moves plates by up to about two stds
+_TURNS = 12  # maximum number of iterations of response and fit
 _NOTHING = 1.0  # change of the criterion below which an iteration is the last
-_SURE = 2  # iterations after which each must improve the criterion
+_CLOSE = 30.0  # error of the response, over the white noise, above which that change is small by chance
+_SURE = 2  # iterations after which one that goes on in the same direction must improve the criterion
+_FAR = 100.0  # second order of the response, over the white noise, above which it matters: up to 50 at VC-A
 
 
-def with_frame_relinearised(fitted: Fitted, stop: Stop) -> Fitted:
-    """Return the fit, repeated until it agrees with its frame response; three shots: 0.05 s, 0.2 s per repetition."""
+def with_frame_relinearised(fitted: Fitted, stop: Stop) -> tuple[Fitted, bool]:
+    """Return the fit, repeated until it agrees with its frame response, and whether they came to agree.
+
+    They do not if the frame moves too far for a linear response, or if an effect is missing that the plates absorb.
+    Three shots: 0.05 s, 0.1 s per repetition.
+    """
     here, site = fitted, fitted.problem.data.site
     if not site.moves:
-        return here
+        return here, True
+    about: tuple[Point, Plates] | None = None  # of the last linearisation
+    last = np.zeros(0)
     for turn in range(_TURNS):
         data = here.problem.data
-        plates, moved = _plates(here)
-        before = data.shots
+        there = here.point, likeliest_plates(here.problem, here.z)
+        step = _moves(here, about, there)
+        turned = about is not None and float(step @ last) < 0.0
+        if about is not None and turned:  # full steps would go back and forth
+            there, step = half_way(about, there), 0.5 * step
         try:
-            shots = on_site(before, site, data.base, here.point, plates if moved >= _FAR else ())
+            shots = on_site(data.shots, site, data.base, *there)
         except Infeasible:
-            break
-        pairs = zip(before, shots, strict=True)
+            return here, False
+        pairs = zip(data.shots, shots, strict=True)
         off_m = max(old.sway.largest_difference_m(new.sway, here.noise) for old, new in pairs if old.sway and new.sway)
-        if moved < _FAR and off_m < _MATTERS * here.noise.white_m:
-            break
-        there = replace(here.problem, data=replace(data, shots=shots)).fit(here.z, cancelled=stop)
-        gained = here.bic - there.bic
-        if turn >= _SURE and gained <= 0.0:  # the plates are absorbing an effect that is still missing
-            break
-        here = there
+        if off_m < _MATTERS * here.noise.white_m:
+            return here, True
+        anew = replace(here.problem, data=replace(data, shots=shots)).fit(here.z, cancelled=stop)
+        gained = here.bic - anew.bic
+        if turn >= _SURE and gained <= 0.0 and not turned:  # the plates are absorbing an effect that is still missing
+            return here, False
         if abs(gained) < _NOTHING:
-            break
-    return here
+            return anew, off_m < _CLOSE * here.noise.white_m
+        here, about, last = anew, there, step
+    return here, False
 
 
-def _plates(fitted: Fitted) -> tuple[Plates, float]:
-    """Return each plate's likeliest state at first touch given the residual, and the largest change in stds."""
-    plates = likeliest_plates(fitted.problem, fitted.z)
-    pairs = zip(fitted.problem.data.shots, plates, strict=True)
+def frame_moves_far(fitted: Fitted) -> bool:
+    """Return whether the frame moves so far in contact that its response is not sure to be linear.
+
+    The second order is about the square of that motion over the plate's deflection.  The motion is taken from the
+    flights, since an effect that is missing makes the frame seem to move in contact.
+    """
+
+    def over_white(shot: Samples, sway: Sway) -> float:
+        course, time_s = shot.course, shot.centre_s[shot.valid]
+        touching = (time_s > course.touch_time_s) & (time_s < course.release_time_s)
+        if not touching.any():  # lost samples
+            return 0.0
+        deflection_m = float(np.ptp(shot.displacement_m[shot.valid][touching]))
+        return float(np.mean(sway.variances_read_m2()[touching])) / (deflection_m * fitted.noise.white_m)
+
+    return any(shot.sway is not None and over_white(shot, shot.sway) > _FAR for shot in fitted.problem.data.shots)
+
+
+def _moves(fitted: Fitted, about: tuple[Point, Plates] | None, there: tuple[Point, Plates]) -> Floats:
+    """Return how far parameters and plates are from those of the linearisation, in standard deviations.
+
+    ``about`` is None where the parameters of the linearisation are not known.
+    """
+    problem = fitted.problem
+    pairs = zip(problem.data.shots, there[1], strict=True)
     moves = [np.subtract(plate, shot.plate) / shot.sway.plate_std for shot, plate in pairs if shot.sway]
-    return plates, float(np.max(np.abs(moves)))
+    off = fitted.z - (fitted.z if about is None else problem.pack(about[0]))
+    std = np.sqrt(np.diag(fitted.inverse))
+    return np.concatenate([np.divide(off, std, out=np.zeros_like(off), where=std > 0.0), *moves])
+
+
+def half_way(here: tuple[Point, Plates], there: tuple[Point, Plates]) -> tuple[Point, Plates]:
+    """Return the mean of the base parameters and plate states of two points, with the effects of the second."""
+    (one, before), (other, after) = here, there
+    both = zip(before or after, after, strict=True)
+    plates = tuple((0.5 * (x + y), 0.5 * (v + w)) for (x, v), (y, w) in both)
+    return Point(0.5 * (one.base + other.base), 0.5 * (one.own + other.own), other.values), plates

@@ -17,6 +17,7 @@ from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.first_fit import BIASED_CHI2, first_fit, likeliest_plates
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
+from analysis.inference.fit.relinearised_frame import half_way
 from analysis.inference.joint.joint_data import frame_motions_of, joint_data
 from analysis.inference.model.base import Plates
 from analysis.inference.model.effective_parameters import Point
@@ -155,7 +156,7 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
         there = problem.unpack(found.parameters)
         swung = likeliest_plates(problem, found.parameters)
         # If a plate swings far, its contribution changes so much that full steps would alternate: go half-way.
-        here, plates = _half_way((here, plates), (there, swung)) if turn else (there, swung)
+        here, plates = half_way((here, plates), (there, swung)) if turn else (there, swung)
     return problem, found, undecided
 
 
@@ -164,14 +165,6 @@ def _at_motion(problem: Problem, point: Point, plates: Plates) -> Problem:
     data = problem.data
     shots = on_site(data.shots, data.site, data.base, point, plates)
     return replace(problem, data=replace(data, shots=shots))
-
-
-def _half_way(here: tuple[Point, Plates], there: tuple[Point, Plates]) -> tuple[Point, Plates]:
-    """Return the mean of the base parameters and plate states of two points, with the effects of the second."""
-    (one, before), (other, after) = here, there
-    both = zip(before or after, after, strict=True)
-    plates = tuple((0.5 * (x + y), 0.5 * (v + w)) for (x, v), (y, w) in both)
-    return Point(0.5 * (one.base + other.base), 0.5 * (one.own + other.own), other.values), plates
 
 
 def _minimum_from(problem: Problem, z: Floats, stop: Stop, evaluations: int = _EVALUATIONS) -> Minimum:

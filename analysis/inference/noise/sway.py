@@ -127,6 +127,10 @@ class Sway:
         out[self.valid] = self._plate_columns @ np.divide(plate, self.plate_std)
         return out
 
+    def variances_read_m2(self) -> Floats:
+        """Return the variance in m^2, read from the flights, of the frame's contribution at the valid samples, (n,)."""
+        return np.asarray(np.sum((self.basis @ self.factors) ** 2, axis=1))
+
     def largest_difference_m(self, other: "Sway", noise: Floor) -> float:
         """Return the largest std in m over the samples of the difference to another response to the same motion."""
         size = np.exp(0.5 * np.asarray(noise.site))[self.band]

@@ -100,7 +100,8 @@ class Stage:
         )
         patch.setattr(search, "base_fit", lambda data, *given: ("base", data.shots, *given))
         patch.setattr(search, "accept", lambda base, *given: ("accepted", base, *given))
-        patch.setattr(search, "with_frame_relinearised", lambda start, stop: ("anew", *start[1:], stop))
+        patch.setattr(search, "frame_moves_far", lambda start: more.get("far", False))
+        patch.setattr(search, "with_frame_relinearised", lambda start, stop: (("anew", *start[1:], stop), True))
         patch.setattr(search, "search_from_base", search_from_base)
         patch.setattr(search, "nearly_as_likely", lambda first, trail: [fit(51.0, TILT), first])
         patch.setattr(
@@ -150,6 +151,9 @@ def test_on_a_moving_frame_its_motion_is_no_finding_and_its_response_follows(mon
     assert (searched.best.bic, searched.best.swayed) == (39.0, True)
     still = Stage(monkeypatch, climbed=lambda here: here)
     assert still.search().under(MOVING).best.bic == 49.0
+    far = Stage(monkeypatch, far=True)
+    far.search().under(MOVING)
+    assert far.asked[-2][1][0] == "anew"  # where the frame moves far, what the base model leaves may be its response
     none = Stage(monkeypatch)
     none.first = fit(60.0)
     monkeypatch.setattr(search, "nearly_as_likely", lambda first, trail: [first])

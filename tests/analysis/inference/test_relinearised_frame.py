@@ -8,7 +8,7 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.inference.fit import relinearised_frame
-from analysis.inference.fit.relinearised_frame import with_frame_relinearised
+from analysis.inference.fit.relinearised_frame import frame_moves_far, with_frame_relinearised
 from analysis.inference.noise.site import STILL_FRAME
 from tests.analysis.diagnosis.shots import calm
 
@@ -16,135 +16,121 @@ WHITE_M, STD = 1e-10, (2e-7, 3e-4)
 MOVING = Some(moves=True)
 
 
-class _Data:
-    def __init__(self, shots: Any, site: Any = MOVING) -> None:
-        self.shots, self.site, self.base = shots, site, None
+class Stage:
+    """Fits of one parameter and one plate, whose response is wrong by ``offs`` and whose criteria are ``bics``.
+
+    Each fit finds its parameter and plate at ``found``, by the place of its linearisation, in standard deviations.
+    """
+
+    def __init__(self, patch: pytest.MonkeyPatch, offs: Any, bics: Any, found: Any) -> None:
+        self.offs, self.bics, self.found = iter(offs), iter(bics), found
+        self.linearised: list[tuple[float, float]] = []
+        patch.setattr(relinearised_frame, "on_site", self.on_site)
+        patch.setattr(relinearised_frame, "replace", self.replaced)
+        patch.setattr(relinearised_frame, "likeliest_plates", lambda problem, z: problem.plates)
+        patch.setattr(relinearised_frame, "half_way", lambda one, other: self.mean(one, other))
+
+    def mean(self, one: Any, other: Any) -> Any:
+        (x, ((p, _),)), (y, ((q, _),)) = one, other
+        return 0.5 * (x + y), ((0.5 * (p + q), 0.0),)
+
+    def on_site(self, shots: Any, _site: Any, _base: Any, at: float, plates: Any) -> Any:
+        self.linearised.append((at, plates[0][0] / STD[0]))
+        return (Some(sway=self.sway(), plate=plates[0]),)
+
+    def sway(self) -> Any:
+        return Some(largest_difference_m=lambda _other, _noise: next(self.offs) * WHITE_M, plate_std=STD)
+
+    def replaced(self, one: Any, **changes: Any) -> Any:
+        if "shots" in changes:
+            return Some(shots=changes["shots"], site=MOVING, base=None)
+        shots = changes["data"].shots
+        return Some(fit=lambda _z, *, cancelled: self.fit(shots, next(self.bics), self.linearised[-1]))
+
+    def fit(self, shots: Any, bic: float, at: tuple[float, float] = (0.0, 0.0)) -> Any:
+        z, plate = self.found(*at)
+        problem = Some(
+            data=Some(shots=shots, site=MOVING, base=None),
+            plates=((plate * STD[0], 0.0),),
+            pack=lambda at: np.array([at]),
+        )
+        return Some(problem=problem, point=z, z=np.array([z]), inverse=np.eye(1), noise=Some(white_m=WHITE_M), bic=bic)
+
+    def relinearised(self) -> tuple[Any, bool]:
+        return with_frame_relinearised(self.fit((Some(sway=self.sway(), plate=(0.0, 0.0)),), 0.0), calm)
 
 
-def _sway(off: float, plate: tuple[float, float] = (0.0, 0.0)) -> Any:
-    return Some(
-        largest_difference_m=lambda _other, _noise: off * WHITE_M,
-        likeliest_plate=lambda _left, _noise: plate,
-        plate_std=STD,
-    )
-
-
-def _fit(shots: Any, site: Any = MOVING) -> Any:
-    point, noise = Some(values="with the effect"), Some(white_m=WHITE_M, site=(0.0,))
-    problem = Some(data=_Data(shots, site), noise=noise, residual_m=lambda _z: [None] * len(shots))
-    return Some(problem=problem, point=point, noise=noise, z=None, bic=0.0)
-
-
-def _replaced(one: Any, **changes: Any) -> Any:
-    if isinstance(one, _Data):
-        return _Data(changes["shots"], one.site)
-    return Some(data=changes["data"], fit=lambda _z, *, cancelled: _fit(changes["data"].shots))
-
-
-def _with_plates(shots: Any, plates: Any) -> Any:
-    if not plates:
-        return shots
-    return [Some(**{**vars(shot), "plate": plate}) for shot, plate in zip(shots, plates, strict=True)]
-
-
-@pytest.mark.parametrize(
-    ("off", "moved", "anew"), [(0.021, 0.0, True), (0.019, 0.0, False), (0.0, 0.61, True), (0.0, 0.59, False)]
-)
-@pytest.mark.parametrize("place", [0, 1])
-def test_it_is_computed_anew_where_it_is_wrong_or_a_plate_is_elsewhere(
-    monkeypatch: pytest.MonkeyPatch, off: float, moved: float, anew: bool, place: int
+@pytest.mark.parametrize(("off", "anew"), [(0.021, True), (0.019, False)])
+def test_it_is_computed_anew_where_it_is_wrong_by_a_fiftieth_of_the_noise(
+    monkeypatch: pytest.MonkeyPatch, off: float, anew: bool
 ) -> None:
-    """Wrong by a fiftieth of the white noise; the plate by 0.6 of its std, in displacement or velocity."""
-    plate = np.zeros(2)
-    plate[place] = -moved * STD[place]
-    computed = []
-
-    def on_site(shots: Any, _site: Any, _base: Any, at: Any, plates: Any) -> Any:
-        computed.append(at.values)
-        shots = _with_plates(shots, plates)
-        return tuple(Some(sway=_sway(0.0, shot.plate), plate=shot.plate) for shot in shots)
-
-    monkeypatch.setattr(relinearised_frame, "on_site", on_site)
-    monkeypatch.setattr(relinearised_frame, "replace", _replaced)
-    calmer = Some(sway=_sway(0.0), plate=(0.0, 0.0))
-    before = _fit((calmer, Some(sway=_sway(off, (float(plate[0]), float(plate[1]))), plate=(0.0, 0.0))))
-    found = with_frame_relinearised(before, calm)
-    assert (found is not before) is anew
-    assert set(computed) == {"with the effect"}
-    if anew and moved:
-        assert found.problem.data.shots[1].plate == tuple(plate)
+    stage = Stage(monkeypatch, [off, 0.0], [-10.0], lambda z, plate: (1.0, 2.0))
+    found, agree = stage.relinearised()
+    assert agree and found.bic == (-10.0 if anew else 0.0)
+    assert stage.linearised == [(1.0, 2.0)] * (2 if anew else 1)
 
 
 @pytest.mark.parametrize(
-    ("bics", "turns", "taken"),
+    ("bics", "off", "turns", "taken", "agree"),
     [
-        ((-10.0, -5.0, -6.0, -7.0, -6.9), 5, 4),
-        ((-10.0, -5.0, -4.9, -9.0), 3, 2),
-        (tuple(-1.0 - k for k in range(9)), 8, 8),
-        ((-10.0, -10.9, -20.0), 2, 2),
-        ((-10.0, -9.1, -20.0), 2, 2),
-        ((0.9, -20.0), 1, 1),
+        ((-10.0, -20.0, -19.0), 1.0, 3, -20.0, False),  # the plates run away from what is still missing
+        ((-10.0, -9.1), 1.0, 2, -9.1, True),
+        ((-10.0, -10.9), 31.0, 2, -10.9, False),  # little changed, by chance
+        ((-10.0, -10.9), 29.0, 2, -10.9, True),
+        (tuple(-2.0 * k for k in range(1, 13)), 1.0, 12, -24.0, False),
     ],
 )
-def test_plates_are_followed_as_long_as_that_makes_the_shots_likelier(
-    monkeypatch: pytest.MonkeyPatch, bics: tuple[float, ...], turns: int, taken: int
+def test_fit_and_response_are_repeated_until_they_agree(
+    monkeypatch: pytest.MonkeyPatch, bics: tuple[float, ...], off: float, turns: int, taken: float, agree: bool
 ) -> None:
-    """Of an effect that is still missing plates run away; two turns are made anyway, eight at most.
+    stage = Stage(monkeypatch, [off] * 20, bics, lambda z, plate: (z + 1.0, plate + 1.0))
+    found, agreed = stage.relinearised()
+    assert (found.bic, agreed) == (taken, agree) and len(stage.linearised) == turns
 
-    What changes the criterion by less than one is the last.
-    """
-    fitted: list[Any] = []
 
-    def refitted(one: Any, **changes: Any) -> Any:
-        if isinstance(one, _Data):
-            return _Data(changes["shots"], one.site)
+@pytest.mark.parametrize("of_plate", [False, True])
+def test_steps_that_go_back_and_forth_are_halved(monkeypatch: pytest.MonkeyPatch, of_plate: bool) -> None:
+    """A fit that overshoots as far as it was off never ends with whole steps, and at once with half ones."""
 
-        def fit(_z: Any, *, cancelled: Any) -> Any:
-            fitted.append(_fit(changes["data"].shots))
-            fitted[-1].bic = bics[len(fitted) - 1]
-            return fitted[-1]
+    def across(z: float, plate: float) -> tuple[float, float]:
+        return (0.0, 2.0 - plate) if of_plate else (2.0 - z, 0.0)
 
-        return Some(data=changes["data"], fit=fit)
-
-    def on_site(shots: Any, _site: Any, _base: Any, _at: Any, plates: Any) -> Any:
-        shots = _with_plates(shots, plates)
-        return tuple(Some(sway=_sway(0.0, (shot.plate[0] + STD[0], 0.0)), plate=shot.plate) for shot in shots)
-
-    monkeypatch.setattr(relinearised_frame, "on_site", on_site)
-    monkeypatch.setattr(relinearised_frame, "replace", refitted)
-    found = with_frame_relinearised(_fit((Some(sway=_sway(0.0, (STD[0], 0.0)), plate=(0.0, 0.0)),)), calm)
-    assert len(fitted) == turns and found is fitted[taken - 1]
+    stage = Stage(monkeypatch, [1.0, 1.0, 1.0, 0.0], [-10.0, -20.0, -30.0], across)
+    found, agree = stage.relinearised()
+    places = [place[of_plate] for place in stage.linearised]
+    assert agree and found.bic == -30.0
+    assert places[:2] == [2.0, 1.0] if of_plate else places[:3] == [2.0, 0.0, 1.0]
 
 
 def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
     def too_fast(*_: Any) -> Any:
         raise Infeasible("too many steps")
 
+    stage = Stage(monkeypatch, [1.0], [], lambda z, plate: (1.0, 1.0))
     monkeypatch.setattr(relinearised_frame, "on_site", too_fast)
-    before = _fit((Some(sway=_sway(1.0), plate=(0.0, 0.0)),))
-    assert with_frame_relinearised(before, calm) is before
+    found, agree = stage.relinearised()
+    assert found.bic == 0.0 and not agree
 
 
 def test_a_fit_at_rest_stays_as_it_is() -> None:
-    before = _fit((Some(sway=None),), site=STILL_FRAME)
-    assert with_frame_relinearised(before, calm) is before
+    before: Any = Some(problem=Some(data=Some(site=STILL_FRAME)))
+    assert with_frame_relinearised(before, calm) == (before, True)
 
 
-def test_plates_are_read_anew_and_the_farthest_move_is_told_in_standard_deviations() -> None:
-    def shot(likely: tuple[float, float], taken: tuple[float, float]) -> Any:
-        def read(left: float, noise: Any) -> tuple[float, float]:
-            return likely[0], likely[1] + left * noise.white_m
+@pytest.mark.parametrize(("variance_m2", "far"), [(1.01e-11, True), (0.99e-11, False)])
+def test_a_frame_moves_far_by_what_its_square_adds_in_contact(variance_m2: float, far: bool) -> None:
+    """A hundredfold white noise of 0.1 nm, times a deflection of 1 mm."""
+    time_s = np.array([0.0, 1.0, 2.0, 3.0, 4.0])
+    shot: Any = Some(
+        centre_s=time_s, valid=np.ones(5, np.bool_), displacement_m=np.array([9.0, 1e-3, 0.5e-3, 0.0, 9.0]),
+        course=Some(touch_time_s=0.5, release_time_s=3.5),
+        sway=Some(variances_read_m2=lambda: np.array([9.0, *[variance_m2] * 3, 9.0])),
+    )  # fmt: skip
+    lost: Any = Some(**{**vars(shot), "course": Some(touch_time_s=5.0, release_time_s=6.0)})
+    still: Any = Some(sway=None)
 
-        sway = Some(plate_std=(2.0, 10.0), likeliest_plate=read)
-        return Some(sway=sway, plate=taken)
+    def fit(*shots: Any) -> Any:
+        return Some(problem=Some(data=Some(shots=shots)), noise=Some(white_m=WHITE_M))
 
-    shots = [shot((1.0, 3.0), (2.0, 5.0)), shot((7.0, 1.0), (6.0, -20.0)), shot((0.0, 0.0), (0.0, 0.0))]
-
-    def fit(shots: Any, left: list[float]) -> Any:
-        noise = Some(white_m=0.5, site=(0.0,))
-        return Some(problem=Some(data=Some(shots=shots), noise=noise, residual_m=lambda z: z * left), z=1)
-
-    plates, moved = relinearised_frame._plates(fit(shots, [4.0, 2.0, 0.0]))
-    assert plates == ((1.0, 5.0), (7.0, 2.0), (0.0, 0.0)) and moved == 2.2
-    still = [shot((1.0, 3.0), (1.1, 3.0))]
-    assert relinearised_frame._plates(fit(still, [0.0]))[1] == pytest.approx(0.05)
+    assert frame_moves_far(fit(still, shot)) is far
+    assert not frame_moves_far(fit(still, lost))

@@ -12,7 +12,8 @@ from analysis.collision.effects import effect_named, effects_named
 from analysis.collision.parameters import PAPER
 from analysis.inference.fit import shot_fit
 from analysis.inference.fit.problem import Fitted
-from analysis.inference.fit.shot_fit import _half_way, _settled, fit_shots
+from analysis.inference.fit.relinearised_frame import half_way
+from analysis.inference.fit.shot_fit import _settled, fit_shots
 from analysis.inference.joint import joint_data
 from analysis.inference.joint.joint_data import JointData, frame_motions_of
 from analysis.inference.model.base import base_named
@@ -30,10 +31,10 @@ def point(base: list[float], own: list[list[float]], values: Any = ()) -> Point:
 def test_half_way_is_the_mean_of_base_and_plates_with_the_effects_of_the_second() -> None:
     one = point([1.0, 4.0], [[1.0, 2.0, 3.0]], ({"first": 1},))
     two = point([3.0, 8.0], [[5.0, 2.0, 1.0]], ({"second": 2},))
-    found, plates = _half_way((one, ((1.0, 2.0),)), (two, ((3.0, 8.0),)))
+    found, plates = half_way((one, ((1.0, 2.0),)), (two, ((3.0, 8.0),)))
     assert found.base.tolist() == [2.0, 6.0] and found.own.tolist() == [[3.0, 2.0, 2.0]]
     assert found.values == two.values and plates == ((2.0, 5.0),)
-    assert _half_way((one, ()), (two, ((3.0, 8.0),)))[1] == ((3.0, 8.0),)
+    assert half_way((one, ()), (two, ((3.0, 8.0),)))[1] == ((3.0, 8.0),)
 
 
 def turns(steps: list[float], monkeypatch: pytest.MonkeyPatch, *, moves: bool = True) -> tuple[Any, list[Any]]:

@@ -24,7 +24,7 @@ from analysis.diagnosis.learning.single_law import SingleLaw
 from analysis.diagnosis.search.full_rate import at_full_rate
 from analysis.diagnosis.search.scale_maxima import at_likeliest_scale
 from analysis.diagnosis.verdict.acceptance import GatedFit, settle
-from analysis.inference import STILL_FRAME, Fitted, frame_moves_far, with_frame_relinearised
+from analysis.inference import STILL_FRAME, frame_hides_effects
 from analysis.shot import AnalysisError
 
 
@@ -80,16 +80,13 @@ class BestFirst:
                 f"no time within {self._question.limit.seconds:g} s to compare the effects of the catalogue: "
                 "allow more, or diagnose fewer shots"
             )
-        if self._answer.verdict is not Verdict.ADEQUATE and self._frame_hides(self._answer.after):
+        lacking = self._answer.verdict is not Verdict.ADEQUATE
+        if lacking and frame_hides_effects(self._answer.after, self._question.stop):
             raise AnalysisError(
                 "the frame moves so far in contact that its effect on these shots cannot be computed: "
                 "take them at a quieter site"
             )
         return self._answer
-
-    def _frame_hides(self, fitted: Fitted) -> bool:
-        """Return whether a fit on a frame that moves far does not agree with its frame response."""
-        return frame_moves_far(fitted) and not with_frame_relinearised(fitted, self._question.stop)[1]
 
     def _next_step(self) -> Callable[[], None]:
         """Choose the next step; only this method and the two below decide the order of steps."""

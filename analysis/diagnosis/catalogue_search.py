@@ -99,7 +99,7 @@ class Search:
             base = base_fit(data, given, stop, along)
             start = accept(base, question.catalogue, question.accepted, stop)
             if question.accepted or frame_moves_far(start):
-                start, _ = with_frame_relinearised(start, stop)
+                start = with_frame_relinearised(start, stop)
             question.progress("scoring the catalogue", 0.15)
             if not site.moves:
                 return search_from_base(Trail(start, catalogue, stop, limit=limit, beat=beat), given, most)

@@ -11,6 +11,7 @@ from .fit.problem import Fitted as Fitted
 from .fit.problem import Linearised as Linearised
 from .fit.problem import Problem as Problem
 from .fit.profile import with_profile_std as with_profile_std
+from .fit.relinearised_frame import frame_hides_effects as frame_hides_effects
 from .fit.relinearised_frame import frame_moves_far as frame_moves_far
 from .fit.relinearised_frame import with_frame_relinearised as with_frame_relinearised
 from .fit.shot_fit import fit_shots as fit_shots

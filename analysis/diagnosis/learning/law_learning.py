@@ -225,4 +225,4 @@ def _refined(
 
 def _converged(one: FormFit, stop: Stop) -> FormFit:
     """Continue a fit to convergence, with the response to frame motion recomputed given the law."""
-    return replace(one, fitted=with_frame_relinearised(one.fitted.continued(stop), stop)[0])
+    return replace(one, fitted=with_frame_relinearised(one.fitted.continued(stop), stop))

@@ -53,7 +53,7 @@ def at_full_rate(best: Fitted, trail: Trail, motions: Sequence[Motion]) -> tuple
 
 def with_frame_response_updated(best: Fitted, trail: Trail) -> tuple[Fitted, Trail]:
     """Recompute the response to frame motion along the fitted motion; return the best fit and its trail."""
-    here = best if best is trail.start else with_frame_relinearised(best, trail.stop)[0]
+    here = best if best is trail.start else with_frame_relinearised(best, trail.stop)
     return (best, trail) if here is best else _anew(here, trail)
 
 

@@ -25,11 +25,20 @@ _SURE = 2  # iterations after which one that goes on in the same direction must 
 _FAR = 100.0  # second order of the response, over the white noise, above which it matters: up to 50 at VC-A
 
 
-def with_frame_relinearised(fitted: Fitted, stop: Stop) -> tuple[Fitted, bool]:
-    """Return the fit, repeated until it agrees with its frame response, and whether they came to agree.
+def with_frame_relinearised(fitted: Fitted, stop: Stop) -> Fitted:
+    """Return the fit, repeated until it agrees with its frame response; three shots: 0.05 s, 0.1 s per repetition."""
+    return _repeated(fitted, stop)[0]
+
+
+def frame_hides_effects(fitted: Fitted, stop: Stop) -> bool:
+    """Return whether the frame moves so far that the fit does not come to agree with its frame response."""
+    return frame_moves_far(fitted) and not _repeated(fitted, stop)[1]
+
+
+def _repeated(fitted: Fitted, stop: Stop) -> tuple[Fitted, bool]:
+    """Return the fit, repeated with the response about its motion, and whether the two came to agree.
 
     They do not if the frame moves too far for a linear response, or if an effect is missing that the plates absorb.
-    Three shots: 0.05 s, 0.1 s per repetition.
     """
     here, site = fitted, fitted.problem.data.site
     if not site.moves:
@@ -40,9 +49,9 @@ def with_frame_relinearised(fitted: Fitted, stop: Stop) -> tuple[Fitted, bool]:
         data = here.problem.data
         there = here.point, likeliest_plates(here.problem, here.z)
         step = _moves(here, about, there)
-        turned = about is not None and float(step @ last) < 0.0
-        if about is not None and turned:  # full steps would go back and forth
-            there, step = half_way(about, there), 0.5 * step
+        turned = False
+        if about is not None and float(step @ last) < 0.0:  # full steps would go back and forth
+            turned, there, step = True, half_way(about, there), 0.5 * step
         try:
             shots = on_site(data.shots, site, data.base, *there)
         except Infeasible:

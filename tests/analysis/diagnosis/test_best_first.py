@@ -188,10 +188,12 @@ def test_of_two_branches_the_likelier_is_carried_on(building: Branch | None, res
 
 @pytest.mark.parametrize("compared", [True, False])
 @pytest.mark.parametrize("verdict", [Verdict.ADEQUATE, Verdict.UNEXPLAINED])
-def test_nothing_is_called_adequate_before_the_catalogue_was_compared(verdict: Verdict, compared: bool) -> None:
+def test_nothing_is_called_adequate_before_the_catalogue_was_compared(
+    monkeypatch: pytest.MonkeyPatch, verdict: Verdict, compared: bool
+) -> None:
     answer: Any = SimpleNamespace(verdict=verdict, trail=SimpleNamespace(compared=compared), after="fit")
     search = searching(branch(0.0, left=False, named=EXPLAINED), None)
-    search._frame_hides = lambda fitted: False  # type: ignore[method-assign]
+    monkeypatch.setattr(module, "frame_hides_effects", lambda fitted, stop: False)
     search._end_with = lambda explanation: setattr(search, "_answer", answer)  # type: ignore[method-assign]
     if verdict is Verdict.ADEQUATE and not compared:
         with pytest.raises(AnalysisError, match="no time within 7 s"):
@@ -203,16 +205,15 @@ def test_nothing_is_called_adequate_before_the_catalogue_was_compared(verdict: V
     assert search._answer is answer
 
 
-@pytest.mark.parametrize(("far", "agree"), [(True, False), (True, True), (False, False)])
+@pytest.mark.parametrize("hidden", [True, False])
 @pytest.mark.parametrize("verdict", list(Verdict))
 def test_nothing_is_claimed_where_the_frame_moves_too_far_for_its_response(
-    monkeypatch: pytest.MonkeyPatch, verdict: Verdict, far: bool, agree: bool
+    monkeypatch: pytest.MonkeyPatch, verdict: Verdict, hidden: bool
 ) -> None:
-    monkeypatch.setattr(module, "frame_moves_far", lambda fitted: far and fitted == "fit")
-    monkeypatch.setattr(module, "with_frame_relinearised", lambda fitted, stop: (fitted, agree))
+    monkeypatch.setattr(module, "frame_hides_effects", lambda fitted, stop: hidden and fitted == "fit")
     search = searching(branch(0.0, left=False, named=EXPLAINED), None)
     search._answer = SimpleNamespace(verdict=verdict, trail=SimpleNamespace(compared=True), after="fit")  # type: ignore[assignment]
-    if far and not agree and verdict is not Verdict.ADEQUATE:
+    if hidden and verdict is not Verdict.ADEQUATE:
         with pytest.raises(AnalysisError, match=r"the frame moves so far in contact .* a quieter site"):
             search.explanation()
     else:

@@ -244,9 +244,7 @@ def test_a_trail_of_other_data_begins_anew(monkeypatch: pytest.MonkeyPatch) -> N
         and old.removed_from_bic
     )
     assert old.fits == {frozenset(): start}
-    monkeypatch.setattr(
-        full_rate, "with_frame_relinearised", lambda fitted, stop: (best if stop is calm else None, True)
-    )
+    monkeypatch.setattr(full_rate, "with_frame_relinearised", lambda fitted, stop: best if stop is calm else None)
     monkeypatch.setattr(full_rate, "_anew", lambda fitted, trail: (fitted, "anew", trail))
     other: Any = Some()
     assert full_rate.with_frame_response_updated(other, old) == (best, "anew", old)

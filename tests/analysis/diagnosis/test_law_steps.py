@@ -220,6 +220,6 @@ def test_forms_are_fitted_beside_the_best_that_is_known(monkeypatch: pytest.Monk
     assert module._refined(*given, known, calm) == [FormFit("fit", learned, "two")]  # type: ignore[arg-type]
     module._refined(*given, known[1:], calm)
     assert asked == [("start", [("one",), ("two",)], calm, beat) for beat in (490.0, 500.0)]
-    monkeypatch.setattr(module, "with_frame_relinearised", lambda fitted, stop: (("on frame", fitted, stop), True))
+    monkeypatch.setattr(module, "with_frame_relinearised", lambda fitted, stop: ("on frame", fitted, stop))
     one: Any = FormFit(SimpleNamespace(continued=lambda stop: ("led on", stop)), learned, "two")  # type: ignore[arg-type]
     assert module._converged(one, calm) == FormFit(("on frame", ("led on", calm), calm), learned, "two")  # type: ignore[arg-type]

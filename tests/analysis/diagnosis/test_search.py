@@ -101,7 +101,7 @@ class Stage:
         patch.setattr(search, "base_fit", lambda data, *given: ("base", data.shots, *given))
         patch.setattr(search, "accept", lambda base, *given: ("accepted", base, *given))
         patch.setattr(search, "frame_moves_far", lambda start: more.get("far", False))
-        patch.setattr(search, "with_frame_relinearised", lambda start, stop: (("anew", *start[1:], stop), True))
+        patch.setattr(search, "with_frame_relinearised", lambda start, stop: ("anew", *start[1:], stop))
         patch.setattr(search, "search_from_base", search_from_base)
         patch.setattr(search, "nearly_as_likely", lambda first, trail: [fit(51.0, TILT), first])
         patch.setattr(

@@ -8,7 +8,11 @@ import pytest
 
 from analysis.collision import Infeasible
 from analysis.inference.fit import relinearised_frame
-from analysis.inference.fit.relinearised_frame import frame_moves_far, with_frame_relinearised
+from analysis.inference.fit.relinearised_frame import (
+    frame_hides_effects,
+    frame_moves_far,
+    with_frame_relinearised,
+)
 from analysis.inference.noise.site import STILL_FRAME
 from tests.analysis.diagnosis.shots import calm
 
@@ -19,11 +23,12 @@ MOVING = Some(moves=True)
 class Stage:
     """Fits of one parameter and one plate, whose response is wrong by ``offs`` and whose criteria are ``bics``.
 
-    Each fit finds its parameter and plate at ``found``, by the place of its linearisation, in standard deviations.
+    Each fit finds its parameter and plate at ``found``, by the place of its linearisation, in standard deviations;
+    the plate moves by its displacement (0) or its velocity (1).
     """
 
-    def __init__(self, patch: pytest.MonkeyPatch, offs: Any, bics: Any, found: Any) -> None:
-        self.offs, self.bics, self.found = iter(offs), iter(bics), found
+    def __init__(self, patch: pytest.MonkeyPatch, offs: Any, bics: Any, found: Any, *, by: int = 0) -> None:
+        self.offs, self.bics, self.found, self.by = iter(offs), iter(bics), found, by
         self.linearised: list[tuple[float, float]] = []
         patch.setattr(relinearised_frame, "on_site", self.on_site)
         patch.setattr(relinearised_frame, "replace", self.replaced)
@@ -31,11 +36,11 @@ class Stage:
         patch.setattr(relinearised_frame, "half_way", lambda one, other: self.mean(one, other))
 
     def mean(self, one: Any, other: Any) -> Any:
-        (x, ((p, _),)), (y, ((q, _),)) = one, other
-        return 0.5 * (x + y), ((0.5 * (p + q), 0.0),)
+        (x, (p,)), (y, (q,)) = one, other
+        return 0.5 * (x + y), (tuple(0.5 * np.add(p, q)),)
 
     def on_site(self, shots: Any, _site: Any, _base: Any, at: float, plates: Any) -> Any:
-        self.linearised.append((at, plates[0][0] / STD[0]))
+        self.linearised.append((at, plates[0][self.by] / STD[self.by]))
         return (Some(sway=self.sway(), plate=plates[0]),)
 
     def sway(self) -> Any:
@@ -51,13 +56,13 @@ class Stage:
         z, plate = self.found(*at)
         problem = Some(
             data=Some(shots=shots, site=MOVING, base=None),
-            plates=((plate * STD[0], 0.0),),
+            plates=(tuple(plate * std * (place == self.by) for place, std in enumerate(STD)),),
             pack=lambda at: np.array([at]),
         )
         return Some(problem=problem, point=z, z=np.array([z]), inverse=np.eye(1), noise=Some(white_m=WHITE_M), bic=bic)
 
     def relinearised(self) -> tuple[Any, bool]:
-        return with_frame_relinearised(self.fit((Some(sway=self.sway(), plate=(0.0, 0.0)),), 0.0), calm)
+        return relinearised_frame._repeated(self.fit((Some(sway=self.sway(), plate=(0.0, 0.0)),), 0.0), calm)
 
 
 @pytest.mark.parametrize(("off", "anew"), [(0.021, True), (0.019, False)])
@@ -88,18 +93,18 @@ def test_fit_and_response_are_repeated_until_they_agree(
     assert (found.bic, agreed) == (taken, agree) and len(stage.linearised) == turns
 
 
-@pytest.mark.parametrize("of_plate", [False, True])
-def test_steps_that_go_back_and_forth_are_halved(monkeypatch: pytest.MonkeyPatch, of_plate: bool) -> None:
-    """A fit that overshoots as far as it was off never ends with whole steps, and at once with half ones."""
-
-    def across(z: float, plate: float) -> tuple[float, float]:
-        return (0.0, 2.0 - plate) if of_plate else (2.0 - z, 0.0)
-
-    stage = Stage(monkeypatch, [1.0, 1.0, 1.0, 0.0], [-10.0, -20.0, -30.0], across)
+@pytest.mark.parametrize("by", [0, 1])
+def test_steps_of_plates_that_go_back_and_forth_are_halved(monkeypatch: pytest.MonkeyPatch, by: int) -> None:
+    """A fit that overshoots as far as it was off never ends with whole steps, and at once with a half one."""
+    stage = Stage(monkeypatch, [1.0, 1.0, 0.0], [-10.0, -20.0], lambda z, plate: (0.0, 2.0 - plate), by=by)
     found, agree = stage.relinearised()
-    places = [place[of_plate] for place in stage.linearised]
-    assert agree and found.bic == -30.0
-    assert places[:2] == [2.0, 1.0] if of_plate else places[:3] == [2.0, 0.0, 1.0]
+    assert agree and found.bic == -20.0 and [plate for _, plate in stage.linearised] == [2.0, 1.0, 1.0]
+
+
+def test_steps_of_parameters_that_go_back_and_forth_are_halved_and_may_cost(monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = Stage(monkeypatch, [1.0, 1.0, 1.0, 0.0], [-10.0, -20.0, -15.0], lambda z, plate: (2.0 - z, 0.0))
+    found, agree = stage.relinearised()
+    assert agree and found.bic == -15.0 and [z for z, _ in stage.linearised] == [2.0, 0.0, 1.0, 1.0]
 
 
 def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,7 +119,17 @@ def test_a_response_that_cannot_be_computed_leaves_the_fit_as_it_is(monkeypatch:
 
 def test_a_fit_at_rest_stays_as_it_is() -> None:
     before: Any = Some(problem=Some(data=Some(site=STILL_FRAME)))
-    assert with_frame_relinearised(before, calm) == (before, True)
+    assert with_frame_relinearised(before, calm) is before
+
+
+@pytest.mark.parametrize(("far", "agree"), [(True, False), (True, True), (False, False)])
+def test_a_frame_hides_effects_where_it_moves_far_and_fit_and_response_do_not_agree(
+    monkeypatch: pytest.MonkeyPatch, far: bool, agree: bool
+) -> None:
+    fitted: Any = Some()
+    monkeypatch.setattr(relinearised_frame, "frame_moves_far", lambda one: far and one is fitted)
+    monkeypatch.setattr(relinearised_frame, "_repeated", lambda one, stop: (one, agree and stop is calm))
+    assert frame_hides_effects(fitted, calm) is (far and not agree)
 
 
 @pytest.mark.parametrize(("variance_m2", "far"), [(1.01e-11, True), (0.99e-11, False)])

@@ -71,10 +71,9 @@ def test_a_stalled_stream_and_a_driver_that_hangs_are_said(tmp_path: Path) -> No
         now[0] += 0.5
         return Block(0)
 
-    with Capturing(
-        tmp_path, FakeDigitizer(before_block=silent), live=False, machine=Acquisition(lambda: now[0])
-    ) as rig:
-        rig.capture.arm()
+    armed = Capturing(tmp_path, FakeDigitizer(before_block=silent), live=False, machine=Acquisition(lambda: now[0]))
+    armed.capture.arm()  # before the thread starts: a stream that is only watched would stall first on a busy machine
+    with armed as rig:
         assert "10000 samples came, then none for 3 s" in until(rig.capture, lambda s: s.state is State.FAULT).message
         mode[0] = "hang"
         rig.capture.abort()

@@ -73,8 +73,16 @@ def add_line(
         weighed = observation.estimate_floor(design_matrix(bins, more, polynomials), (at, estimate.best))
         pays = weighed.worth - estimate.worth > LINE_WORTH
         if pays and _is_steady(bins, observation, more, polynomials, weighed.best):
-            return refined(bins, observation, more, polynomials, weighed.best), weighed
+            finer = refined(bins, observation, more, polynomials, weighed.best)
+            if _are_resolved(bins, finer):  # two lines that have met are not determined apart
+                return finer, weighed
     return None
+
+
+def _are_resolved(bins: Bins, waves: list[Wave]) -> bool:
+    """Return whether all frequencies differ by most of the resolution of the flights."""
+    frequency_hz = np.sort([wave.frequency_hz for wave in waves])
+    return bool(np.all(np.diff(frequency_hz) >= 0.7 * bins.resolution_hz))
 
 
 def _is_steady(bins: Bins, observation: FlightObservation, waves: list[Wave], polynomials: Floats, at: Floats) -> bool:
@@ -82,13 +90,12 @@ def _is_steady(bins: Bins, observation: FlightObservation, waves: list[Wave], po
 
     A vibration in one flight only was excited by the impact: it belongs to block or plate, not to a machine.
     """
-    *others, last = waves
-    if any(abs(last.frequency_hz - wave.frequency_hz) < 0.7 * bins.resolution_hz for wave in others):
+    if not _are_resolved(bins, waves):
         return False
     if bins.into.all():
         return True
     design = design_matrix(bins, waves, polynomials)
-    apart = np.where(bins.into, 1.0, 0.0)[:, None] * _columns(bins, last)[:, :2]
+    apart = np.where(bins.into, 1.0, 0.0)[:, None] * _columns(bins, waves[-1])[:, :2]
     without, within = (observation.likelihood(each).at(at) for each in (design, np.hstack([design, apart])))
     return 2.0 * (within.profile - without.profile) < STEADY
 

@@ -1,10 +1,12 @@
 """Steady sines in both flights: subtracted, written as waves about the middle, found and fitted above a floor."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from analysis.reading import vibration_lines
 from analysis.reading.flight import Bins
 from analysis.reading.floor_spectrum import FlightObservation, Octaves, waves_of
 from analysis.reading.vibration_lines import (
@@ -175,6 +177,28 @@ def test_without_a_line_none_is_found_nor_where_it_rings_after_the_impact_alone(
     for value in (noise(4), ~INTO * tone(333.0, 1e-9, 0.4) + noise(5)):
         bins, observation = bins_of(value), seen(value)
         assert add_line(bins, observation, [], POLYNOMIALS, observation.estimate_floor(POLYNOMIALS)) is None
+
+
+@pytest.mark.parametrize("apart", [0.01, 1.0])
+def test_no_line_is_added_that_the_last_refinement_moves_onto_another(
+    apart: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    value = tone(333.0, 1e-9, 0.4) + tone(610.0, 1e-9, 1.0) + noise(7)
+    bins, observation = bins_of(value), seen(value)
+    first = add_line(bins, observation, [], POLYNOMIALS, observation.estimate_floor(POLYNOMIALS))
+    assert first is not None
+    calls: list[int] = []
+
+    def met_at_last(*given: Any) -> list[Wave]:
+        calls.append(len(given[2]))
+        one, other = refined(*given)
+        moved = replace(other, frequency_hz=one.frequency_hz + apart * bins.resolution_hz)
+        return [one, moved if len(calls) % 2 == 0 else other]
+
+    monkeypatch.setattr(vibration_lines, "refined", met_at_last)
+    second = add_line(bins, observation, first[0], POLYNOMIALS, first[1])
+    assert calls == [2, 2] or apart < 0.7
+    assert (second is not None) is (apart > 0.7)
 
 
 def test_a_wave_is_steady_that_is_the_same_in_both_flights_and_apart_from_every_other() -> None:

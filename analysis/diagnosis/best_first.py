@@ -80,8 +80,7 @@ class BestFirst:
                 f"no time within {self._question.limit.seconds:g} s to compare the effects of the catalogue: "
                 "allow more, or diagnose fewer shots"
             )
-        lacking = self._answer.verdict is not Verdict.ADEQUATE
-        if lacking and frame_hides_effects(self._answer.after, self._question.stop):
+        if self._frame_hides(self._answer):
             raise AnalysisError(
                 "the frame moves so far in contact that its effect on these shots cannot be computed: "
                 "take them at a quieter site"
@@ -122,7 +121,7 @@ class BestFirst:
         """Choose the next step when both branches are searched and the one with frame motion is the likelier."""
         if building.named is None:
             return partial(self._name, building)
-        if building.named.explained:
+        if building.named.explained or self._frame_hides(building.named):  # no law is told either
             return partial(self._end_with, building.named)
         if self._question.limit():
             return partial(self._complete, building)
@@ -131,6 +130,11 @@ class BestFirst:
         if at_rest.complete.explained and at_rest.complete.bic < building.named.bic:
             return partial(self._end_with, at_rest.complete)
         return partial(self._complete, building)
+
+    def _frame_hides(self, explanation: Explanation) -> bool:
+        """Return whether what an explanation finds missing may be the frame, which moves too far to be computed."""
+        lacking = explanation.verdict is not Verdict.ADEQUATE
+        return lacking and frame_hides_effects(explanation.after, self._question.stop)
 
     def _search_in_building(self) -> None:
         """Search with frame motion for one effect fewer than allowed: one law takes less time than the last effect."""

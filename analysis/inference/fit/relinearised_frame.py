@@ -23,6 +23,7 @@ _NOTHING = 1.0  # change of the criterion below which an iteration is the last
 _CLOSE = 30.0  # error of the response, over the white noise, above which that change is small by chance
 _SURE = 2  # iterations after which one that goes on in the same direction must improve the criterion
 _FAR = 100.0  # second order of the response, over the white noise, above which it matters: up to 50 at VC-A
+_UNLIKE = 4.0  # ln of a strength above which the residual is no frame's: clean sets up to 3.0, magnets above 5.7
 
 
 def with_frame_relinearised(fitted: Fitted, stop: Stop) -> Fitted:
@@ -74,8 +75,11 @@ def frame_moves_far(fitted: Fitted) -> bool:
     """Return whether the frame moves so far in contact that its response is not sure to be linear.
 
     The second order is about the square of that motion over the plate's deflection.  The motion is taken from the
-    flights, since an effect that is missing makes the frame seem to move in contact.
+    flights, since an effect that is missing makes the frame seem to move in contact.  A force that bends the flights is
+    mistaken for a frame in them; the residual in contact then asks for a far stronger motion, and this is no frame.
     """
+    if max(fitted.noise.site, default=0.0) > _UNLIKE:
+        return False
 
     def over_white(shot: Samples, sway: Sway) -> float:
         course, time_s = shot.course, shot.centre_s[shot.valid]

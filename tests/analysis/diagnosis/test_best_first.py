@@ -48,7 +48,13 @@ class DiagnosisInput:
 
 
 def explanation(*, explained: bool, bic: float = 0.0) -> Any:
-    return SimpleNamespace(explained=explained, bic=bic, verdict=None, trail=None)
+    verdict = Verdict.ADEQUATE if explained else Verdict.UNEXPLAINED
+    return SimpleNamespace(explained=explained, bic=bic, verdict=verdict, trail=None, after="fit")
+
+
+@pytest.fixture(autouse=True)
+def frame_is_calm(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "frame_hides_effects", lambda fitted, stop: False)
 
 
 EXPLAINED, UNEXPLAINED = explanation(explained=True), explanation(explained=False)
@@ -186,14 +192,21 @@ def test_of_two_branches_the_likelier_is_carried_on(building: Branch | None, res
         assert next_step(building, rest, question) == (step, args)
 
 
+def test_no_law_is_learned_where_the_frame_moves_too_far_for_its_response(monkeypatch: pytest.MonkeyPatch) -> None:
+    building, rest = branch(0.0, named=UNEXPLAINED), branch(1.0)
+    assert next_step(building, rest) == ("_complete_where_it_may_win", (rest, building.named.bic))  # type: ignore[union-attr]
+    monkeypatch.setattr(module, "frame_hides_effects", lambda fitted, stop: fitted == "fit")
+    search = searching(building, rest)
+    search._next_step()()
+    with pytest.raises(AnalysisError, match="moves so far in contact"):
+        search.explanation()
+
+
 @pytest.mark.parametrize("compared", [True, False])
 @pytest.mark.parametrize("verdict", [Verdict.ADEQUATE, Verdict.UNEXPLAINED])
-def test_nothing_is_called_adequate_before_the_catalogue_was_compared(
-    monkeypatch: pytest.MonkeyPatch, verdict: Verdict, compared: bool
-) -> None:
+def test_nothing_is_called_adequate_before_the_catalogue_was_compared(verdict: Verdict, compared: bool) -> None:
     answer: Any = SimpleNamespace(verdict=verdict, trail=SimpleNamespace(compared=compared), after="fit")
     search = searching(branch(0.0, left=False, named=EXPLAINED), None)
-    monkeypatch.setattr(module, "frame_hides_effects", lambda fitted, stop: False)
     search._end_with = lambda explanation: setattr(search, "_answer", answer)  # type: ignore[method-assign]
     if verdict is Verdict.ADEQUATE and not compared:
         with pytest.raises(AnalysisError, match="no time within 7 s"):

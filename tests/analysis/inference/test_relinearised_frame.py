@@ -144,8 +144,9 @@ def test_a_frame_moves_far_by_what_its_square_adds_in_contact(variance_m2: float
     lost: Any = Some(**{**vars(shot), "course": Some(touch_time_s=5.0, release_time_s=6.0)})
     still: Any = Some(sway=None)
 
-    def fit(*shots: Any) -> Any:
-        return Some(problem=Some(data=Some(shots=shots)), noise=Some(white_m=WHITE_M))
+    def fit(*shots: Any, site: tuple[float, ...] = (-2.0, 3.9)) -> Any:
+        return Some(problem=Some(data=Some(shots=shots)), noise=Some(white_m=WHITE_M, site=site))
 
     assert frame_moves_far(fit(still, shot)) is far
-    assert not frame_moves_far(fit(still, lost))
+    assert not frame_moves_far(fit(still, lost)) and not frame_moves_far(fit(still, site=()))
+    assert not frame_moves_far(fit(still, shot, site=(-2.0, 4.1)))  # a force that bends the flights, no frame

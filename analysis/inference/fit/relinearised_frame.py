@@ -19,9 +19,9 @@ from analysis.shot import Floats, Stop
 
 _MATTERS = 0.02  # error of the response, over the white noise, above which the fit is repeated
 _TURNS = 12  # maximum number of iterations of response and fit
-_NOTHING = 1.0  # change of the criterion below which an iteration is the last
+_NOTHING = 1.0  # change of the criterion that counts as none: the iteration is the last
 _CLOSE = 30.0  # error of the response, over the white noise, above which that change is small by chance
-_SURE = 2  # iterations after which one that goes on in the same direction must improve the criterion
+_SURE = 2  # iterations after which one that goes on in the same direction must not worsen the criterion
 _FAR = 100.0  # second order of the response, over the white noise, above which it matters: up to 50 at VC-A
 _UNLIKE = 4.0  # ln of a strength above which the residual is no frame's: clean sets up to 3.0, magnets above 5.7
 
@@ -63,10 +63,10 @@ def _repeated(fitted: Fitted, stop: Stop) -> tuple[Fitted, bool]:
             return here, True
         anew = replace(here.problem, data=replace(data, shots=shots)).fit(here.z, cancelled=stop)
         gained = here.bic - anew.bic
-        if turn >= _SURE and gained <= 0.0 and not turned:  # the plates are absorbing an effect that is still missing
+        if turn >= _SURE and gained <= -_NOTHING and not turned:  # plates absorb an effect that is still missing
             return here, False
-        if abs(gained) < _NOTHING:
-            return anew, off_m < _CLOSE * here.noise.white_m
+        if abs(gained) < _NOTHING and off_m < _CLOSE * here.noise.white_m:
+            return anew, True
         here, about, last = anew, there, step
     return here, False
 

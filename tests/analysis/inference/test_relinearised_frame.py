@@ -80,8 +80,9 @@ def test_it_is_computed_anew_where_it_is_wrong_by_a_fiftieth_of_the_noise(
     [
         ((-10.0, -20.0, -19.0), 1.0, 3, -20.0, False),  # the plates run away from what is still missing
         ((-10.0, -9.1), 1.0, 2, -9.1, True),
-        ((-10.0, -10.9), 31.0, 2, -10.9, False),  # little changed, by chance
+        ((-10.0, -20.0, -19.1), 1.0, 3, -19.1, True),
         ((-10.0, -10.9), 29.0, 2, -10.9, True),
+        (tuple(-0.9 * k for k in range(1, 13)), 31.0, 12, -0.9 * 12, False),  # little changed, by chance
         (tuple(-2.0 * k for k in range(1, 13)), 1.0, 12, -24.0, False),
     ],
 )

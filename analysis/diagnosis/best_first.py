@@ -121,7 +121,8 @@ class BestFirst:
         """Choose the next step when both branches are searched and the one with frame motion is the likelier."""
         if building.named is None:
             return partial(self._name, building)
-        if building.named.explained or self._frame_hides(building.named):  # no law is told either
+        first = at_rest.complete is None  # later the question of the frame has been answered
+        if building.named.explained or (first and self._frame_hides(building.named)):  # no law would be told either
             return partial(self._end_with, building.named)
         if self._question.limit():
             return partial(self._complete, building)

@@ -19,11 +19,11 @@ from analysis.shot import Floats, Stop
 
 _MATTERS = 0.02  # error of the response, over the white noise, above which the fit is repeated
 _TURNS = 12  # maximum number of iterations of response and fit
-_NOTHING = 1.0  # change of the criterion that counts as none: the iteration is the last
-_CLOSE = 30.0  # error of the response, over the white noise, above which that change is small by chance
+_NOTHING = 1.0  # change of the criterion below which an iteration is the last, if the response is nearly right
+_CLOSE = 30.0  # error of the response, over the white noise, below which it is nearly right
 _SURE = 2  # iterations after which one that goes on in the same direction must not worsen the criterion
 _FAR = 100.0  # second order of the response, over the white noise, above which it matters: up to 50 at VC-A
-_UNLIKE = 4.0  # ln of a strength above which the residual is no frame's: clean sets up to 3.0, magnets above 5.7
+_UNLIKE = 4.0  # ln of the power that a residual asks for over that in the flights: frames up to 3.0, magnets from 5.7
 
 
 def with_frame_relinearised(fitted: Fitted, stop: Stop) -> Fitted:

@@ -16,9 +16,8 @@ from instrument.capture.analysis_thread import ShotAnalysis
 from instrument.capture.captured_shots import CapturedShots
 from instrument.capture.recorder import GrowingShot, Recorded, Recorder
 from instrument.capture.stream_reader import CaptureOptions, ReadBlock, StreamReader, check_settings
-from instrument.devices import Digitizer, DigitizerError, usual_settings
+from instrument.devices import Digitizer, DigitizerError, Overwritten, usual_settings
 from instrument.files import FolderLock, RecordingError, disk_free_bytes, one_line
-from instrument.live import Overwritten
 
 MAX_UNSAVED = 4  # shots that are only in memory; no further shot is taken until one is saved
 _DISK_RESERVE_BYTES = 64 * 2**20

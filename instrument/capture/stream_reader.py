@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, Role, Setup
-from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples
-from instrument.live import DeliveredRate, Ring, Stream
+from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, Ring, block_samples
+from instrument.live import DeliveredRate, Stream
 from instrument.trigger import Edge, Level, LightSwitch, MotionTrigger, TriggerSettings
 
 READ_TIMEOUT_S = 0.05
@@ -210,11 +210,8 @@ class StreamReader:
         lag = max(round(_RING_S * settings.sample_rate_hz), 12 * self._block)
         most = max(_MAX_RING_BYTES // (2 * channels), settings.pre_trigger_samples + 8 * self._block)
         blocks = -(-min(settings.pre_trigger_samples + lag, most) // self._block)
-        capacity = blocks * self._block
-        ring = self.stream.ring if self.stream is not None else None
-        if ring is None or ring.channels != channels or ring.capacity < capacity or ring.capacity > 4 * capacity:
-            return Ring(capacity, channels)
-        return ring
+        present = self.stream.ring if self.stream is not None else None
+        return self._digitizer.ring(blocks * self._block, settings, present)
 
 
 def check_settings(settings: CaptureSettings, channels: int) -> None:

@@ -11,6 +11,8 @@ from .digitizer import usual_settings as usual_settings
 from .doctor import Check as Check
 from .doctor import Grade as Grade
 from .doctor import check_computer as check_computer
+from .ring import Overwritten as Overwritten
+from .ring import Ring as Ring
 from .scpi import network_name as network_name
 from .scpi import network_source as network_source
 from .source_options import SourceOptions as SourceOptions

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import Channel, Setup
+from instrument.devices.ring import Ring
 from instrument.files import one_line
 
 
@@ -96,6 +97,14 @@ class Digitizer(ABC):
     @abstractmethod
     def arm(self, settings: CaptureSettings) -> None:
         """Start sampling, or wait for the hardware trigger.  Raises DigitizerError."""
+
+    def ring(self, capacity: int, settings: CaptureSettings, present: Ring | None) -> Ring:
+        """Return a ring for a stream of these settings that holds ``capacity`` samples: ``present`` where it suits.
+
+        Asked before ``arm``, by a reader that passes the ring's ``space`` to ``read_into``.  Raises DigitizerError.
+        """
+        channels = len(self.capabilities.channels)
+        return present if present is not None and present.suits(capacity, channels) else Ring(capacity, channels)
 
     @abstractmethod
     def read_into(self, buffer: NDArray[np.int16], timeout_s: float) -> Block:

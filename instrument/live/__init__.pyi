@@ -3,10 +3,6 @@ from .live_thread import warm as warm
 from .live_view import ChannelSignal as ChannelSignal
 from .live_view import LiveView as LiveView
 from .live_view import empty_view as empty_view
-from .ring import DeliveredRate as DeliveredRate
-from .ring import Overwritten as Overwritten
-from .ring import Ring as Ring
-from .ring import Stream as Stream
 from .setup_check import CHANNEL_NAMES as CHANNEL_NAMES
 from .setup_check import MOVING_HZ as MOVING_HZ
 from .setup_check import doppler_shift_hz as doppler_shift_hz
@@ -14,3 +10,5 @@ from .setup_check import judge as judge
 from .setup_check import judge_beat as judge_beat
 from .setup_check import judge_site as judge_site
 from .setup_check import try_signals as try_signals
+from .stream import DeliveredRate as DeliveredRate
+from .stream import Stream as Stream

@@ -12,11 +12,11 @@ from analysis.reading import MIN_S, PlannedShot, SiteFloor, read_site
 from analysis.shot import DEFAULT_WAVELENGTH_AIR_M, AnalysisError, Role, Setup
 from analysis.signal import LiveChunk, LiveDemodulator
 from instrument.background import Task, WorkerThread
-from instrument.devices import CaptureSettings
+from instrument.devices import CaptureSettings, Overwritten, Ring
 from instrument.files import disk_free_bytes, one_line
 from instrument.live.live_view import ChannelSignal, LiveWindow, empty_view
-from instrument.live.ring import Overwritten, Ring, Stream
 from instrument.live.setup_check import CHECKED_SAMPLES, check_signals
+from instrument.live.stream import Stream
 from instrument.trigger import LightSwitch, MotionTrigger, TriggerSettings
 
 OUTPUT_HZ = 10e3  # rate of the curves' points; a digitizer's rate allows it within a few percent
@@ -25,6 +25,7 @@ RAW_SAMPLES = 2000
 _CHUNK = 1 << 19  # samples demodulated at a time: shorter ones cost more calls, longer ones leave the caches
 _EVERY_S = 0.1  # ten pictures a second are as readable as 30, for a third of the work
 _SIGNALS_EVERY_S = 0.2  # between two checks of the signals: faster changes cannot be read
+_UNWATCHED_EVERY_S = 0.5  # the same while neither the curves nor the set-up are in view
 _DISK_EVERY_S = 1.0
 KEPT_S = 4.0  # of rest kept: enough to resolve motors a tenth of a hertz from the mains
 EVERY_S = 4.0  # of rest between two readings of the site; less while fewer than KEPT_S are there
@@ -72,7 +73,7 @@ class LiveThread:
                 self._problem = f"the live picture failed: {one_line(repr(error))}"
                 self._demodulator = None
                 self.view = self._window.view(np.empty(0), np.empty((0, 0), np.float32), self._problem, 0)
-            every_s = _EVERY_S if self.watched else _SIGNALS_EVERY_S
+            every_s = _EVERY_S if self.watched else _UNWATCHED_EVERY_S
             # leaves the interpreter to the capture between checks, however long they take
             self._ending.wait(max(0.002, every_s - (time.monotonic() - begun)))
 

@@ -36,7 +36,8 @@ class Order:
     kind: str  # prepare, defaults, arm, stop, close
     serial: int
     settings: CaptureSettings | None = None
-    ring: tuple[str, int, int] | None = None  # name, capacity, channels of new memory
+    ring: tuple[str, int, int, int] | None = None  # the key of a new ring
+    at: int = 0  # number of the stream's first sample in the ring
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,12 +172,12 @@ class _Child:
             if self._ring is not None:
                 self._ring.close()
             self._ring = SharedRing.attach(*order.ring)
-            self._at = self._blocks = 0
-        ring = self._ring
+            self._blocks = 0
+        ring, self._at = self._ring, order.at
         assert ring is not None
         ring.mark_read(self._at, self._blocks)  # the rest of the previous stream is never read
         gc.collect()  # now, when no message waits
-        self._length = min(block_samples(order.settings.sample_rate_hz), ring.capacity)
+        self._length = min(block_samples(order.settings.sample_rate_hz), ring.ahead)
         self._digitizer.arm(order.settings)
         self._run = order.serial
         if self._stopped > order.serial:

@@ -54,12 +54,18 @@ class DeviceProcess:
             raise device.with_traceback(None)  # may be raised repeatedly
         return device
 
-    def send(self, kind: str, settings: CaptureSettings | None = None, ring: tuple[str, int, int] | None = None) -> int:
+    def send(
+        self,
+        kind: str,
+        settings: CaptureSettings | None = None,
+        ring: tuple[str, int, int, int] | None = None,
+        at: int = 0,
+    ) -> int:
         """Send an order and return its serial number; from any thread."""
         with self._sending:
             self._serial += 1
             try:
-                self._process.send(Order(kind, self._serial, settings, ring))
+                self._process.send(Order(kind, self._serial, settings, ring, at))
             except ProcessEnded as error:
                 raise DigitizerError("the digitizer's process is gone", _REMEDY) from error
             return self._serial

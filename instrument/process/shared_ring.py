@@ -1,4 +1,4 @@
-"""A ring of counts in shared memory: one process writes, the other copies out and reports how far it has read."""
+"""A ring of counts in shared memory: a device's process fills it, ahead of the process that reads it."""
 
 import contextlib
 import os
@@ -8,32 +8,34 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from instrument.devices import DigitizerError
+from instrument.devices import DigitizerError, Ring
 
 _HEADER_BYTES = 64
 _READ, _BLOCKS, _BEATS = _COUNTERS = range(3)
 _FILES = Path("/dev/shm")  # shared memory on Linux
 
 
-class SharedRing:
-    """A ring of int16 counts, shape (capacity, channels), and three counters; samples are numbered from 0 on.
+class SharedRing(Ring):
+    """A ring that a device's process fills up to ``ahead`` samples beyond those that this process has read.
 
-    The writer fills views (``room``, ``view``), the reader copies out and marks as read (``copy_into``, ``mark_read``).
-    Blocks are announced over a pipe, whose system calls also order the memory accesses of the two processes.
+    A block is announced over a pipe, whose system calls also order the memory accesses of the two processes.  It is
+    read by committing the ``space`` in which it lies already (``fetch``): its samples are never copied.  Three counters
+    in front of the samples tell the device's process how much was read, and this one that the other is alive.
     """
 
-    def __init__(self, memory: SharedMemory, capacity: int, channels: int) -> None:
+    def __init__(self, memory: SharedMemory, capacity: int, channels: int, ahead: int) -> None:
         self._memory = memory
-        self.name = memory.name  # by which another process attaches it
-        self.capacity = capacity
-        self.channels = channels
+        self.ahead = ahead
+        self.key = memory.name, capacity, channels, ahead  # with which another process attaches it
         self._counters = np.ndarray(len(_COUNTERS), np.int64, memory.buf)
-        self._counts: NDArray[np.int16] = np.ndarray((capacity, channels), np.int16, memory.buf, _HEADER_BYTES)
+        super().__init__(
+            capacity, channels, np.ndarray((capacity + ahead, channels), np.int16, memory.buf, _HEADER_BYTES)
+        )
 
     @classmethod
-    def create(cls, capacity: int, channels: int) -> "SharedRing":
+    def create(cls, capacity: int, channels: int, ahead: int) -> "SharedRing":
         """Return a new ring.  Raises DigitizerError if the system has not enough shared memory."""
-        size = _HEADER_BYTES + 2 * capacity * channels
+        size = _HEADER_BYTES + 2 * (capacity + ahead) * channels
         try:
             memory = SharedMemory(create=True, size=size)
             try:
@@ -47,12 +49,12 @@ class SharedRing:
                 f"{size / 1e6:.0f} MB of shared memory cannot be had ({error.strerror})",
                 f"clear {_FILES}, or choose a lower rate",
             ) from error
-        return cls(memory, capacity, channels)
+        return cls(memory, capacity, channels, ahead)
 
     @classmethod
-    def attach(cls, name: str, capacity: int, channels: int) -> "SharedRing":
+    def attach(cls, name: str, capacity: int, channels: int, ahead: int) -> "SharedRing":
         """Return the ring that another process created."""
-        return cls(SharedMemory(name), capacity, channels)
+        return cls(SharedMemory(name), capacity, channels, ahead)
 
     def unlink(self) -> None:
         """Free the memory as soon as both processes have closed it or ended."""
@@ -60,23 +62,23 @@ class SharedRing:
             self._memory.unlink()
 
     def close(self) -> None:
-        """Detach the memory from this process."""
-        del self._counters, self._counts
-        self._memory.close()
+        """Detach the memory from this process, unless somebody still has a view of it."""
+        for array in ("_counters", "_counts"):
+            self.__dict__.pop(array, None)
+        with contextlib.suppress(BufferError):
+            self._memory.close()
 
-    def view(self, at: int, most: int) -> NDArray[np.int16]:
-        """Return samples ``at`` ..., as many as follow without a wrap, at most ``most``; the writer fills them."""
-        start = at % self.capacity
-        return self._counts[start : start + most]
+    __del__ = close
 
     def room(self, at: int) -> int:
-        """Return how many samples may be written from ``at`` on without replacing unread ones."""
-        return self.capacity - (at - int(self._counters[_READ]))
+        """Return how many samples may be written from ``at`` on without replacing what readers may still copy."""
+        return self.ahead - (at - int(self._counters[_READ]))
 
-    def copy_into(self, at: int, out: NDArray[np.int16]) -> None:
-        """Fill ``out``, shape (n, channels), with samples ``at`` ...; a block never wraps."""
-        start = at % self.capacity
-        out[:] = self._counts[start : start + out.shape[0]]
+    def fetch(self, at: int, out: NDArray[np.int16]) -> None:
+        """Fill ``out``, shape (n, channels), with samples ``at`` ... of a block, unless they lie there already."""
+        block = self.view(at, out.shape[0])
+        if block.ctypes.data != out.ctypes.data:
+            out[:] = block
 
     def mark_read(self, up_to: int, blocks: int) -> None:
         """Mark all samples before ``up_to``, and ``blocks`` blocks in all, as read."""

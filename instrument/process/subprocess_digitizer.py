@@ -1,8 +1,8 @@
 """A digitizer in a subprocess, behind the same contract as any digitizer.
 
-The child process has its own interpreter and a ring of a second or more, so the device is read in time even if the
-window or an analysis is busy.  If the parent lags by the whole ring, the child waits, the device's own memory fills,
-and the device reports what it lost, which is recorded as a gap.
+The child process has its own interpreter and fills the ring a second or more ahead of its reader, so the device is read
+in time even if the window or an analysis is busy.  If the parent lags by more, the child waits, the device's own memory
+fills, and the device reports what it lost, which is recorded as a gap.
 """
 
 import contextlib
@@ -20,6 +20,7 @@ from instrument.devices import (
     CaptureSettings,
     Digitizer,
     DigitizerError,
+    Ring,
     block_samples,
     open_source,
     source_of,
@@ -28,10 +29,10 @@ from instrument.process.child import BlockReady, Opener
 from instrument.process.device_process import DeviceProcess
 from instrument.process.shared_ring import SharedRing
 
-RING_S = 1.5  # of the stream that the ring holds, for a slow parent
-SIMULATED_RING_S = 0.5  # the same for a simulated device, which waits and loses nothing
-MAX_RING_BYTES = 320 * 2**20
-MAX_TRANSFER_BYTES = 32 * 2**20  # ring of a device that keeps the shot until it is read
+AHEAD_S = 1.5  # of the stream that the child may be ahead of a slow parent
+SIMULATED_AHEAD_S = 0.5  # the same for a simulated device, which waits and loses nothing
+MAX_AHEAD_BYTES = 320 * 2**20
+MAX_TRANSFER_BYTES = 32 * 2**20  # the same for a device that keeps the shot until it is read
 ANSWER_S = 5.0  # a driver that blocks the child for longer does not answer
 SIMULATED_ANSWER_S = 60.0  # the same for a simulated device, which a busy computer delays
 ARM_S = 60.0  # to open or arm a device: firmware may have to be loaded
@@ -63,6 +64,7 @@ class SubprocessDigitizer(Digitizer):
         self._opener = opener
         self._exchange = threading.RLock()  # one request or read at a time
         self._ring: SharedRing | None = None
+        self._attached: DeviceProcess | None = None  # the child that fills the ring
         self._run: int | None = None
         self._block: BlockReady | None = None  # partly read
         self._read_of_block: int  # samples already read
@@ -102,13 +104,12 @@ class SubprocessDigitizer(Digitizer):
             self._stopped.clear()
             give_up = self._stopped.is_set
             if self._child.over:
-                self._forget_ring()
                 self._child = DeviceProcess(self._opener, give_up, self._arm_s)
                 self._child.answer_to(self._child.send("prepare"), PREPARE_S, give_up, ANSWER_S)
-            where, ring = self._ring_for(settings), self._ring
-            assert ring is not None
+            ring = self._ring_for(settings)
+            where, self._attached = None if self._attached is self._child else ring.key, self._child
             try:
-                order = self._child.send("arm", settings, where)
+                order = self._child.send("arm", settings, where, ring.total)
                 answer = self._child.answer_to(order, self._arm_s, give_up, ANSWER_S)
             finally:
                 ring.unlink()  # both processes have attached it, or never will: it is freed when they end
@@ -148,20 +149,32 @@ class SubprocessDigitizer(Digitizer):
             self._forget_stream()
             self._forget_ring()
 
-    def _ring_for(self, settings: CaptureSettings) -> tuple[str, int, int] | None:
-        """Return name, capacity and channels of a new ring that the child must attach, None if the present one fits."""
-        able = self.capabilities
+    def ring(self, capacity: int, settings: CaptureSettings, present: Ring | None) -> Ring:
+        """Return the ring that the child fills: what is read into its ``space`` is not copied."""
+        with self._exchange:
+            return self._ring_for(settings, capacity)
+
+    def _ring_for(self, settings: CaptureSettings, capacity: int | None = None) -> SharedRing:
+        """Return the present ring where it suits, else a new one, which the child must attach.
+
+        ``capacity`` None: any, for a reader with a buffer of its own.
+        """
+        able, block = self.capabilities, block_samples(settings.sample_rate_hz)
         channels = len(able.channels)
-        block = block_samples(settings.sample_rate_hz)
-        most = (MAX_RING_BYTES if able.real_time else MAX_TRANSFER_BYTES) // (2 * channels)
-        lag_s = SIMULATED_RING_S if able.simulated else RING_S
-        blocks = max(4, min(round(lag_s * settings.sample_rate_hz), most) // block)
+        most = (MAX_AHEAD_BYTES if able.real_time else MAX_TRANSFER_BYTES) // (2 * channels)
+        lag_s = SIMULATED_AHEAD_S if able.simulated else AHEAD_S
+        ahead = block * max(4, min(round(lag_s * settings.sample_rate_hz), most) // block)
         present = self._ring
-        if present is not None and (present.capacity, present.channels) == (blocks * block, channels):
-            return None
+        if (
+            present is not None
+            and (self._attached is None or (self._attached is self._child and not self._child.over))
+            and (present.channels, present.ahead) == (channels, ahead)
+            and (capacity is None or present.suits(capacity, channels))
+        ):
+            return present
         self._forget_ring()
-        self._ring = SharedRing.create(blocks * block, channels)
-        return self._ring.name, self._ring.capacity, channels
+        self._ring = SharedRing.create(capacity or 0, channels, ahead)
+        return self._ring
 
     # the stream ---------------------------------------------------------------------------------------------------
 
@@ -194,7 +207,7 @@ class SubprocessDigitizer(Digitizer):
         """Copy as much of a block as ``buffer`` holds."""
         block, begun = ready.block, self._read_of_block
         length = min(block.samples - begun, buffer.shape[0])
-        ring.copy_into(ready.first + begun, buffer[:length])
+        ring.fetch(ready.first + begun, buffer[:length])
         self._read_of_block += length
         whole = self._read_of_block == block.samples
         if whole:
@@ -217,7 +230,7 @@ class SubprocessDigitizer(Digitizer):
         self._run = self._block = None
 
     def _forget_ring(self) -> None:
-        ring, self._ring = self._ring, None
+        """Free the ring's memory as soon as no reader has the ring any more."""
+        ring, self._ring, self._attached = self._ring, None, None
         if ring is not None:
             ring.unlink()
-            ring.close()

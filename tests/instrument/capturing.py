@@ -12,7 +12,7 @@ from instrument.capture.capture import Capture
 from instrument.capture.snapshot import Snapshot
 from instrument.capture.stream_reader import CaptureOptions
 from instrument.devices.digitizer import CaptureSettings
-from instrument.live.ring import Ring
+from instrument.devices.ring import Ring
 from tests.instrument.fake_digitizer import FIRST, HIGH, PERIOD, RATE_HZ, FakeDigitizer, samples
 
 SETTINGS = CaptureSettings(RATE_HZ, 20_000, 4_000)

@@ -9,7 +9,7 @@ from app.words.flags import FLAGS
 from instrument.capture.acquisition import State
 from instrument.devices.digitizer import Block
 from instrument.files.recording_file import read_recording
-from instrument.live.ring import DeliveredRate
+from instrument.live.stream import DeliveredRate
 from tests.instrument.capturing import Capturing, until
 from tests.instrument.fake_digitizer import RATE_HZ, FakeDigitizer
 

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 from analysis.shot.recording import Channel, Role, Setup
 from analysis.signal import LiveChunk
 from instrument.devices.digitizer import CaptureSettings
+from instrument.devices.ring import Ring
 from instrument.live import live_thread
 from instrument.live.live_thread import LiveThread
-from instrument.live.ring import Ring, Stream
+from instrument.live.stream import Stream
 from tests.instrument.capturing import append
 
 RATE_HZ = 1e6

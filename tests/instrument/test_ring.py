@@ -7,7 +7,8 @@ import pytest
 
 from analysis.shot.recording import Setup
 from instrument.devices.digitizer import CaptureSettings
-from instrument.live.ring import Overwritten, Ring, Stream
+from instrument.devices.ring import Overwritten, Ring
+from instrument.live.stream import Stream
 from tests.instrument.capturing import append
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from analysis.shot.recording import Channel, Role, Setup
-from instrument.capture import stream_reader
 from instrument.capture.stream_reader import CaptureOptions, StreamReader, _check_block, check_settings
+from instrument.devices import digitizer
 from instrument.devices.digitizer import (
     Block,
     Capabilities,
@@ -20,6 +20,7 @@ from instrument.devices.digitizer import (
     block_samples,
     usual_settings,
 )
+from instrument.devices.ring import Ring
 from instrument.trigger.light_switch import Edge, Level
 from tests.instrument.capturing import SETTINGS
 from tests.instrument.fake_digitizer import CHANNELS, FIRST, RATE_HZ, FakeDigitizer, samples
@@ -378,14 +379,15 @@ def test_a_ring_is_limited_to_512_mib_unless_the_part_before_the_trigger_needs_m
         made.append(capacity)
         return SimpleNamespace(capacity=capacity, channels=channels)
 
-    monkeypatch.setattr(stream_reader, "Ring", ring)
-    reader = StreamReader(FakeDigitizer())
+    monkeypatch.setattr(digitizer, "Ring", ring)
+    reader = StreamReader(FakeDigitizer(channels=CHANNELS[:2]))
     reader._block = block
     settings = CaptureSettings(rate, 300_000_000, before)
     reader._ring_for(settings, 2)
     assert made == [blocks * block]
     for factor, channels, fits in ((1, 2, True), (4, 2, True), (4.1, 2, False), (0.99, 2, False), (1, 3, False)):
-        held = SimpleNamespace(capacity=factor * blocks * block, channels=channels)
+        held = Ring(0, channels)
+        held.capacity = round(factor * blocks * block)
         reader.stream = SimpleNamespace(ring=held)  # type: ignore[assignment]
         reader._ring_for(settings, 2)
         assert (len(made) == 1) == fits

@@ -154,7 +154,7 @@ def test_a_refused_arming_and_an_unplugging_are_said_and_the_next_arming_recover
 
 
 def test_a_parent_that_stands_still_loses_nothing_silently(opened, monkeypatch):
-    monkeypatch.setattr(subprocess_digitizer, "RING_S", 0.05)
+    monkeypatch.setattr(subprocess_digitizer, "AHEAD_S", 0.05)
     digitizer = opened(partial(devices.Leaky, 0.02))
     digitizer.arm(ONE)
     buffer = np.empty((30_000, 3), np.int16)
@@ -175,7 +175,7 @@ def test_a_parent_that_stands_still_loses_nothing_silently(opened, monkeypatch):
 def test_memory_for_a_parent_that_lags_is_for_devices_that_do_not_wait(opened, simulated, lag_s):
     digitizer = opened(partial(FakeDigitizer, real_time=True, simulated=simulated))
     digitizer.arm(ONE)
-    assert digitizer._ring.capacity == pytest.approx(lag_s * RATE_HZ, abs=0.04 * RATE_HZ)
+    assert digitizer._ring.ahead == pytest.approx(lag_s * RATE_HZ, abs=0.04 * RATE_HZ)
 
 
 def test_standing_still_for_less_than_the_ring_costs_nothing(opened):
@@ -298,7 +298,7 @@ def test_closing_gives_the_memory_back(opened):
     """A window that changes its source often may keep closed digitizers alive for a while."""
     digitizer = opened(FakeDigitizer)
     digitizer.arm(ONE)
-    ring = digitizer._ring.name.lstrip("/")
+    ring = digitizer._ring.key[0].lstrip("/")
     mapped = Path("/proc/self/maps")
     assert ring in mapped.read_text()
     digitizer.close()

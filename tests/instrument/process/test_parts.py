@@ -18,6 +18,7 @@ from analysis.shot.shot import AnalysisError, Cancelled
 from instrument.background import worker_process
 from instrument.background.worker_process import ProcessEnded, WorkerProcess
 from instrument.devices.digitizer import Block, Capabilities, CaptureSettings, DigitizerError
+from instrument.devices.ring import Ring
 from instrument.devices.sources import open_source
 from instrument.files.recording_error import RecordingError
 from instrument.process import child as child_module
@@ -35,7 +36,7 @@ CAPACITY = 700
 
 @pytest.fixture(scope="module")
 def ring() -> Iterator[SharedRing]:
-    made = SharedRing.create(CAPACITY, 2)
+    made = SharedRing.create(0, 2, CAPACITY)
     made.unlink()
     yield made
     made.close()
@@ -48,6 +49,7 @@ class Parent(SubprocessDigitizer):
         self._exchange = threading.RLock()
         self._stopped, self._closed = threading.Event(), False
         self._ring, self._run, self._block, self._read_of_block = ring, 5, None, 0
+        self._attached = None
         self._blocks, self._beats, self._alive_s = 40, -1, 0.0
         device = SimpleNamespace(capabilities=able or FakeDigitizer().capabilities)
         self.ended = 0
@@ -146,33 +148,75 @@ def test_a_child_whose_heart_stands_still_does_not_answer(ring: SharedRing, simu
 def test_the_ring_holds_a_lag_of_a_second_and_a_half_within_its_memory(
     rate: float, how: dict[str, bool], blocks: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made: list[tuple[int, int]] = []
+    made: list[tuple[int, int, int]] = []
 
-    def create(capacity: int, channels: int) -> SimpleNamespace:
-        made.append((capacity, channels))
-        return SimpleNamespace(name="it", capacity=capacity, channels=channels, unlink=int, close=int)
+    def create(capacity: int, channels: int, ahead: int) -> SimpleNamespace:
+        made.append((capacity, channels, ahead))
+        ring = Ring(capacity, channels, np.empty((0, channels), np.int16))
+        return SimpleNamespace(capacity=capacity, channels=channels, ahead=ahead, suits=ring.suits, unlink=int)
 
     monkeypatch.setattr(SharedRing, "create", create)
     parent = Parent(None, [], FakeDigitizer(**how).capabilities)
     settings = CaptureSettings(rate, 1000, 100)
     block = {10e6: 400_000, 30e6: 1 << 20, 50e6: 1 << 20}.get(rate, 256)
-    assert parent._ring_for(settings) == ("it", blocks * block, 3)
-    assert parent._ring_for(settings) is None and made == [(blocks * block, 3)]  # the present one serves
+    first = parent._ring_for(settings)
+    assert parent._ring_for(settings) is first and made == [(0, 3, blocks * block)]  # the present one serves
+    held = parent.ring(5000, settings, None)
+    assert held is not first and made[1:] == [(5000, 3, blocks * block)]  # for a reader without a buffer of its own
+    assert parent._ring_for(settings) is held and parent.ring(1250, settings, None) is held
+    assert parent.ring(1249, settings, None).capacity == 1249 and parent.ring(1250, settings, None).capacity == 1250
     two = Capabilities("fake", CHANNELS[:2], 12, (), None, hardware_trigger=False, real_time=True)
     parent._child.device.capabilities = two  # type: ignore[misc]
-    assert parent._ring_for(settings) is not None and made[-1][1] == 2
+    assert parent._ring_for(settings).channels == made[-1][1] == 2
 
 
 def test_memory_for_another_lag_replaces_the_one_before() -> None:
     parent = Parent(None, [])
-    given = parent._ring_for(CaptureSettings(1e6, 10, 1))
-    first = parent._ring
-    assert first is not None and given == (first.name, first.capacity, 3)
-    assert parent._ring_for(CaptureSettings(1e6, 99, 9)) is None and parent._ring is first  # it fits
-    assert parent._ring_for(CaptureSettings(2e6, 10, 1)) is not None and parent._ring is not first
-    assert first._memory.buf is None
+    first = parent._ring_for(CaptureSettings(1e6, 10, 1))
+    memory = first._memory
+    assert first.key == (memory.name, 0, 3, first.ahead)
+    assert parent._ring_for(CaptureSettings(1e6, 99, 9)) is parent._ring is first  # it fits
+    assert parent._ring_for(CaptureSettings(2e6, 10, 1)) is parent._ring is not first
+    assert memory.buf is not None and first.view(0, 5).shape == (5, 3)  # whoever has it still reads it
+    del first
+    assert memory.buf is None
     parent._forget_ring()
     assert parent._ring is None
+
+
+@pytest.mark.parametrize("over", [False, True])
+def test_a_ring_that_another_child_filled_or_one_that_is_gone_is_replaced(over: bool) -> None:
+    parent = Parent(None, [])
+    first = parent._ring_for(ONE)
+    parent._attached = parent._child if over else SimpleNamespace()  # type: ignore[assignment]
+    parent._child.over = over  # type: ignore[misc]
+    assert parent._ring_for(ONE) is not first and parent._attached is None
+
+
+def test_what_is_read_into_the_ring_lies_there_and_stays_until_it_is_overwritten() -> None:
+    """The writer of this test is ahead as far as it may, and readers still get what they were told they have."""
+    ring = SharedRing.create(300, 2, 200)
+    ring.unlink()
+    parent = Parent(ring, messages := [])
+    at = come = 0
+    rng = np.random.default_rng(5)
+    while come < 5_000:
+        while (most := min(ring.room(at), int(rng.integers(1, 60)))) > 0 and len(messages) < 20:
+            view = ring.view(at, most)
+            view[:] = (np.arange(at, at + len(view)) % 30_000)[:, None]
+            messages.append(BlockReady(5, at, Block(len(view))))
+            at += len(view)
+        space = ring.space(60)
+        space_before = space.copy()
+        block = parent.read_into(space, 0.0)
+        assert np.array_equal(space, space_before)  # nothing was copied
+        ring.commit(block.samples)
+        come += block.samples
+        assert ring.total == come and ring.oldest <= max(0, come - 300)
+        out = np.empty((come - ring.oldest, 2), np.int16)
+        ring.copy_into(ring.oldest, out)
+        assert np.array_equal(out[:, 1], np.arange(ring.oldest, come) % 30_000)
+    ring.close()
 
 
 def test_a_ring_has_room_for_what_was_read_and_counts_blocks_and_beats(ring: SharedRing) -> None:
@@ -351,9 +395,9 @@ def test_orders_are_numbered_and_none_is_sent_to_a_child_that_is_gone() -> None:
     child = Waiting([])
     child._sending, child._serial, child._process = threading.Lock(), 0, Sent()  # type: ignore[assignment]
     settings = CaptureSettings(1e6, 100, 10)
-    assert [child.send("prepare"), child.send("arm", settings, ("ring", 5, 2)), child.send("stop")] == [1, 2, 3]
+    assert [child.send("prepare"), child.send("arm", settings, ("ring", 5, 2, 3), 9), child.send("stop")] == [1, 2, 3]
     assert child._process.orders == [  # type: ignore[attr-defined]
-        Order("prepare", 1), Order("arm", 2, settings, ("ring", 5, 2)), Order("stop", 3),
+        Order("prepare", 1), Order("arm", 2, settings, ("ring", 5, 2, 3), 9), Order("stop", 3),
     ]  # fmt: skip
     child._process = Sent(fails=True)  # type: ignore[assignment]
     for ask in (lambda: child.send("stop"), lambda: DeviceProcess.receive(child, 0.0)):
@@ -414,7 +458,7 @@ def test_what_is_left_of_a_stream_is_none_of_the_next(ring: SharedRing, refused:
 
     parent._arm_s, parent._child.send = 1.0, lambda *order: 8  # type: ignore[method-assign, assignment]
     parent._child.answer_to = answer_to  # type: ignore[method-assign, assignment]
-    parent._ring_for = lambda settings: None  # type: ignore[method-assign]
+    parent._ring_for = lambda settings: ring  # type: ignore[method-assign]
     if refused:
         with pytest.raises(DigitizerError, match="too fast"):
             parent.arm(ONE)
@@ -514,7 +558,7 @@ ONE = CaptureSettings(1e6, 20_000, 2_000)
 
 @pytest.fixture
 def memory() -> Iterator[SharedRing]:
-    made = SharedRing.create(20_000, 3)
+    made = SharedRing.create(0, 3, 20_000)
     yield made
     made.unlink()
     made.close()
@@ -523,7 +567,7 @@ def memory() -> Iterator[SharedRing]:
 def _armed(digitizer: FakeDigitizer, memory: SharedRing) -> tuple[_Child, Told]:
     told = Told()
     served = _Child(digitizer, None, told)  # type: ignore[arg-type]
-    served._carry_out(Order("arm", 2, ONE, (memory.name, memory.capacity, memory.channels)))
+    served._carry_out(Order("arm", 2, ONE, memory.key))
     (answer,) = told.take()
     assert answer == Answer(2, served._device_state(), None, None, 0) and served._run == 2
     return served, told
@@ -536,9 +580,7 @@ def test_a_child_fills_the_ring_as_far_as_it_is_read_and_tells_each_block(memory
     known = [(0, 5_000, 0), (5_000, 2_000, 0), (7_000, 5_000, 11), (12_000, 5_000, 0), (17_000, 3_000, 0)]
     assert [(m.run, m.first, m.block.samples, m.block.lost_before) for m in told.take()] == [(2, *one) for one in known]
     assert memory.beats == 7  # though two of the turns found the ring full
-    whole = np.empty((20_000, 3), np.int16)
-    memory.copy_into(0, whole)
-    assert np.array_equal(whole, np.concatenate((samples(0, 7_000), samples(7_011, 13_000))))
+    assert np.array_equal(memory.view(0, 20_000), np.concatenate((samples(0, 7_000), samples(7_011, 13_000))))
     memory.mark_read(19_999, 4)
     served._turn()
     assert told.take() == []  # a block is filled where there is room for it
@@ -546,7 +588,7 @@ def test_a_child_fills_the_ring_as_far_as_it_is_read_and_tells_each_block(memory
     served._turn()
     (message,) = told.take()
     assert (message.first, message.block.samples) == (20_000, 5_000)
-    served._carry_out(Order("arm", 9, ONE))  # in the same memory: numbers go on, the rest is nobody's
+    served._carry_out(Order("arm", 9, ONE, at=25_000))  # in the same memory, from where the reader is
     assert told.take() == [Answer(9, served._device_state(), None, None, 6)]
     assert (memory.room(25_000), memory.blocks_read) == (20_000, 6)
 
@@ -564,8 +606,8 @@ def test_before_a_device_is_armed_its_child_lets_go_of_the_memory_before_and_cle
     monkeypatch.setattr(child_module, "gc", SimpleNamespace(collect=lambda: did.append("gc")))
     served, told = _armed(Device(), memory)
     served._turn()
-    before, other = served._ring, SharedRing.create(30_000, 3)
-    served._carry_out(Order("arm", 5, ONE, (other.name, other.capacity, other.channels)))
+    before, other = served._ring, SharedRing.create(0, 3, 30_000)
+    served._carry_out(Order("arm", 5, ONE, other.key))
     assert did == ["gc", "arm"] * 2 and before is not None and before._memory.buf is None
     served._turn()
     answer, ready = told.take()[1:]
@@ -768,7 +810,7 @@ def test_a_stop_that_comes_while_a_device_is_armed_or_its_ring_is_full_is_heeded
     digitizer = FakeDigitizer()
     served = _Child(digitizer, None, Told())  # type: ignore[arg-type]
     served._stopped = 3
-    served._carry_out(Order("arm", 2, ONE, (memory.name, 20_000, 3)))
+    served._carry_out(Order("arm", 2, ONE, memory.key))
     assert digitizer.armed == 1 and not digitizer.running.is_set()
     served._carry_out(Order("arm", 4, ONE))
     assert digitizer.running.is_set() and served._run == 4
@@ -784,7 +826,7 @@ def test_a_stop_that_comes_while_a_device_is_armed_or_its_ring_is_full_is_heeded
         served._carry_out(Order(kind, 6))
         assert told.take() == [Answer(6, served._device_state(), None, answered, served._blocks)]
     refused = _Child(FakeDigitizer(), None, told := Told())  # type: ignore[arg-type]
-    refused._carry_out(Order("arm", 1, CaptureSettings(5.0, 10, 1), (memory.name, 20_000, 3)))
+    refused._carry_out(Order("arm", 1, CaptureSettings(5.0, 10, 1), memory.key))
     (answer,) = told.take()
     assert str(answer.fault) == "the fake knows one rate: choose 1 MS/s" and refused._run is None
 
@@ -794,8 +836,8 @@ def test_memory_is_had_before_it_is_used_or_refused_in_one_line_and_given_back(m
     """Else Linux ends the process that touches a page that there is no room for."""
     asked: list[tuple[int, int]] = []
     monkeypatch.setattr(os, "posix_fallocate", lambda file, start, size: asked.append((start, size)))
-    made = SharedRing.create(1_000_000, 2)
-    assert asked == [(0, 64 + 4_000_000)] and (made.capacity, made.channels) == (1_000_000, 2)
+    made = SharedRing.create(400_000, 2, 600_000)
+    assert asked == [(0, 64 + 4_000_000)] and (made.capacity, made.channels, made.ahead) == (400_000, 2, 600_000)
     made.unlink()
     made.unlink()
     made.close()
@@ -807,7 +849,7 @@ def test_memory_is_had_before_it_is_used_or_refused_in_one_line_and_given_back(m
 
     monkeypatch.setattr(os, "posix_fallocate", full)
     with pytest.raises(DigitizerError) as refusal:
-        SharedRing.create(1_000_000, 2)
+        SharedRing.create(400_000, 2, 600_000)
     assert refusal.value.what == "4 MB of shared memory cannot be had (No space left on device)"
     assert len(names) == 1 and not (shared_ring._FILES / names[0]).exists()
 
@@ -862,11 +904,11 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
             self.send = lambda *order: asked.append(order) or 8
 
     made = SimpleNamespace(
-        name="ring",
-        capacity=53_248,
+        key=("ring", 0, 3, 1_500_000),
+        total=70,
         channels=3,
+        ahead=1_520_000,
         unlink=lambda: asked.append("unlink"),
-        close=lambda: asked.append("unmap"),
     )
     monkeypatch.setattr(SharedRing, "create", lambda *_: made)
     monkeypatch.setattr(subprocess_digitizer, "DeviceProcess", Started)
@@ -880,20 +922,21 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
     assert opened.default_settings() == settings_asked and asked == [("defaults",), (12.0, False, None)]
     asked.clear()
     opened.arm(ONE)
-    ring = ("ring", made.capacity, 3)
-    assert asked == [("arm", ONE, ring), (12.0, False, 5.0), "unlink"] and (opened._run, opened._blocks) == (8, 3)
+    assert asked == [("arm", ONE, made.key, 70), (12.0, False, 5.0), "unlink"] and (opened._run, opened._blocks) == (
+        8,
+        3,
+    )
     opened._child.over = True
     for ask, known in (
         (opened.default_settings, [("opener", False, 12.0), ("defaults",), (12.0, False, None)]),
         (
             lambda: opened.arm(ONE),
             [
-                "unlink",
-                "unmap",
                 ("opener", False, 12.0),
                 ("prepare",),
                 (300.0, False, 5.0),
-                ("arm", ONE, ring),
+                "unlink",
+                ("arm", ONE, made.key, 70),
                 (12.0, False, 5.0),
             ],
         ),
@@ -904,6 +947,6 @@ def test_each_request_has_its_time_and_a_child_that_is_gone_is_started_anew(monk
         assert asked[: len(known)] == known
     asked.clear()
     opened.close()
-    assert asked == [("close",), "end", "unlink", "unmap"]
+    assert asked == [("close",), "end", "unlink"]
     with pytest.raises(DigitizerError, match="the digitizer was closed: select the source again"):
         opened.arm(ONE)

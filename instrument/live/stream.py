@@ -1,4 +1,4 @@
-"""The ring buffer of a running digitizer's newest samples, allocated once, and the stream in it."""
+"""The stream of a running digitizer in its ring, and its sample rate by the computer's clock."""
 
 from dataclasses import dataclass, field
 
@@ -6,62 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.shot import Channel, Role, Setup
-from instrument.devices import CaptureSettings
-
-
-class Overwritten(Exception):
-    """The requested samples have been replaced by newer ones."""
-
-
-class Ring:
-    """A ring of int16 counts, shape (capacity, channels): one thread writes, any thread copies out.
-
-    Samples are numbered from 0 over the life of the ring.  The writer lets a digitizer fill the ring in place
-    (``space``, then ``commit``); readers get copies, never of a sample that is being replaced.
-    """
-
-    def __init__(self, capacity: int, channels: int) -> None:
-        self.capacity = capacity  # samples per channel that the ring holds
-        self.channels = channels
-        self.total = 0  # samples written so far: the newest sample's number plus one
-        self._counts = np.zeros((capacity, channels), np.int16)
-        self._claimed = 0  # end of the part that the writer may be changing now
-
-    @property
-    def oldest(self) -> int:
-        """Get the number of the oldest sample that can still be copied."""
-        return max(0, self._claimed - self.capacity)
-
-    def space(self, most: int) -> NDArray[np.int16]:
-        """Return a contiguous view of at most ``most`` samples to be filled next; its old samples are lost."""
-        start = self.total % self.capacity
-        length = min(most, self.capacity - start)
-        self._claimed = self.total + length
-        return self._counts[start : start + length]
-
-    def commit(self, samples: int) -> None:
-        """Count the first ``samples`` of the last ``space`` as written."""
-        if not 0 <= samples <= self._claimed - self.total:
-            raise ValueError(f"{samples} samples do not fit the {self._claimed - self.total} that were claimed")
-        self.total += samples
-        self._claimed = self.total
-
-    def copy_into(self, start: int, out: NDArray[np.int16]) -> None:
-        """Fill ``out``, shape (n, channels), with samples ``start`` ... ``start + n - 1``.
-
-        Raises Overwritten if the writer has replaced some of them, ValueError for samples not written yet.
-        """
-        length = out.shape[0]
-        if start < 0 or start + length > self.total:
-            raise ValueError(f"samples {start} to {start + length} of {self.total}")
-        if start < self.oldest:
-            raise Overwritten
-        at = start % self.capacity
-        first = min(length, self.capacity - at)
-        out[:first] = self._counts[at : at + first]
-        out[first:] = self._counts[: length - first]
-        if start < self.oldest:  # the writer replaced some during the copy
-            raise Overwritten
+from instrument.devices import CaptureSettings, Ring
 
 
 @dataclass(slots=True)

@@ -98,7 +98,7 @@ class Search:
         def along_with(along: Sequence[Effect]) -> tuple[Fitted, Trail]:
             base = base_fit(data, given, stop, along)
             start = accept(base, question.catalogue, question.accepted, stop)
-            if question.accepted or frame_moves_far(start):
+            if question.accepted or frame_moves_far(start.problem):
                 start = with_frame_relinearised(start, stop)
             question.progress("scoring the catalogue", 0.15)
             if not site.moves:

@@ -3,6 +3,7 @@ from .air import STANDARD_AIR as STANDARD_AIR
 from .air import refractive_index as refractive_index
 from .air import wavelength_in_air_m as wavelength_in_air_m
 from .consistency import FIT_FLAGS as FIT_FLAGS
+from .consistency import FRAME_MOVES_FAR as FRAME_MOVES_FAR
 from .consistency import NOT_CONVERGED as NOT_CONVERGED
 from .consistency import NUMBERS_AFFECTED as NUMBERS_AFFECTED
 from .consistency import PLATE_RINGS as PLATE_RINGS

@@ -9,9 +9,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from analysis.shot.fit import Fit
+from analysis.shot.fit import Fit, ShotFit
 from analysis.shot.impact import Impact
-from analysis.shot.quantity import Quantity, Reading
+from analysis.shot.quantity import NotSeen, Quantity, Reading
 from analysis.shot.sample_rate_error import RATE_CONTRADICTED
 
 RESTITUTION_SIGMAS = 2.0
@@ -20,8 +20,10 @@ MOMENTUM_SIGMAS = 5.0
 FIT_SIGMAS = 5.0
 NOT_CONVERGED, FIT_DISAGREES, CHI2_FAR_FROM_ONE = "fit_not_converged", "fit_disagrees", "chi2_far_from_one"
 PLATE_SHAKEN, KNOCK_SUSPECTED = "plate_shaken", "knock_suspected"
-FIT_FLAGS = (FIT_DISAGREES, CHI2_FAR_FROM_ONE, PLATE_SHAKEN, KNOCK_SUSPECTED)
+CONTACT_DISAGREES = "contact_disagrees"
+FIT_FLAGS = (FIT_DISAGREES, CONTACT_DISAGREES, CHI2_FAR_FROM_ONE, PLATE_SHAKEN, KNOCK_SUSPECTED)
 PLATE_RINGS = "plate_rings"  # fit flag: the residual is an oscillation of the plate before the touch
+FRAME_MOVES_FAR = "frame_moves_far"  # fit flag: fit and computed frame response did not come to agree
 VIBRATION = "vibration"  # reading flag: the plate moves before it is touched
 CHI2_FAR = 2.0  # reduced chi^2 above this or below its inverse is flagged
 _VELOCITIES = ("velocity_in_m_per_s", "velocity_out_m_per_s", "cor_quasi_static")
@@ -50,9 +52,11 @@ NUMBERS_AFFECTED: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "cross_talk": ("deflection_max_m", "contact_time_s"),
         RATE_CONTRADICTED: (*_VELOCITIES, *_OF_FORCE, "contact_time_s", "deflection_max_m"),
         FIT_DISAGREES: ("velocity_in_m_per_s", "velocity_out_m_per_s", *_FITTED),
+        CONTACT_DISAGREES: ("contact_time_s", "deflection_max_m"),
         CHI2_FAR_FROM_ONE: _FITTED,
         PLATE_SHAKEN: _FITTED,
         PLATE_RINGS: _FITTED,
+        FRAME_MOVES_FAR: _FITTED,
         KNOCK_SUSPECTED: (*_OF_FORCE, *_BOUNCES, *_FITTED),
         NOT_CONVERGED: _FITTED,
     }
@@ -98,9 +102,20 @@ def fit_flags(impact: Impact, fit: Fit) -> tuple[str, ...]:
     )
     if any(_sigmas_apart(read, fitted) > FIT_SIGMAS for read, fitted in pairs):
         flags.append(FIT_DISAGREES)
+    # a fit that describes the shot knows touch and release better than the reading, which strong motion misleads
+    if fit.reduced_chi2 <= CHI2_FAR and _sigmas_apart(impact.contact_time_s, _contact_time(own)) > FIT_SIGMAS:
+        flags.append(CONTACT_DISAGREES)
     if np.isfinite(fit.reduced_chi2) and not 1.0 / CHI2_FAR <= fit.reduced_chi2 <= CHI2_FAR:
         flags.append(CHI2_FAR_FROM_ONE)
     return tuple(flags)
+
+
+def _contact_time(fitted: ShotFit) -> Reading:
+    """Return the time from the first touch to the last release of a fitted shot, without its uncertainty."""
+    times = {kind: [time_s for one, time_s in fitted.overlay.events_s if one == kind] for kind in ("touch", "release")}
+    if not all(times.values()):
+        return NotSeen("the fitted block is not released")
+    return Quantity(times["release"][-1] - times["touch"][0], 0.0)
 
 
 def _sigmas_apart(one: Reading, other: Reading) -> float:

@@ -76,6 +76,10 @@ FLAGS = {
         name="plate swinging"),
     "plate_rings": Flag("the plate was still oscillating at touch: not included in the fitted uncertainty; wait "
         "longer between shots"),
+    "contact_disagrees": Flag("contact time contradicts that of the model, which describes the shot: touch or release "
+        "was not found where it was", name="contact differs"),
+    "frame_moves_far": Flag("the table moves so far that what it does to the plate is not sure: fitted numbers may be "
+        "off by many of their uncertainties", name="table moves far"),
     "knock_suspected": Flag("motion explained by neither model nor floor: a knock or an unmodelled effect",
         name="knock or unmodelled effect"),
     "fit_not_converged": Flag("the model's fit did not converge: its numbers are withheld"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from analysis.collision import Infeasible
 from analysis.inference.fit.first_fit import likeliest_plates
-from analysis.inference.fit.problem import Fitted
+from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.model.base import Plates
 from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.samples import Samples
@@ -33,7 +33,7 @@ def with_frame_relinearised(fitted: Fitted, stop: Stop) -> Fitted:
 
 def frame_hides_effects(fitted: Fitted, stop: Stop) -> bool:
     """Return whether the frame moves so far that the fit does not come to agree with its frame response."""
-    return frame_moves_far(fitted) and not _repeated(fitted, stop)[1]
+    return frame_moves_far(fitted.problem) and not _repeated(fitted, stop)[1]
 
 
 def _repeated(fitted: Fitted, stop: Stop) -> tuple[Fitted, bool]:
@@ -71,14 +71,15 @@ def _repeated(fitted: Fitted, stop: Stop) -> tuple[Fitted, bool]:
     return here, False
 
 
-def frame_moves_far(fitted: Fitted) -> bool:
+def frame_moves_far(problem: Problem) -> bool:
     """Return whether the frame moves so far in contact that its response is not sure to be linear.
 
     The second order is about the square of that motion over the plate's deflection.  The motion is taken from the
     flights, since an effect that is missing makes the frame seem to move in contact.  A force that bends the flights is
     mistaken for a frame in them; the residual in contact then asks for a far stronger motion, and this is no frame.
     """
-    if max(fitted.noise.site, default=0.0) > _UNLIKE:
+    noise = problem.noise
+    if max(noise.site, default=0.0) > _UNLIKE:
         return False
 
     def over_white(shot: Samples, sway: Sway) -> float:
@@ -87,9 +88,9 @@ def frame_moves_far(fitted: Fitted) -> bool:
         if not touching.any():  # lost samples
             return 0.0
         deflection_m = float(np.ptp(shot.displacement_m[shot.valid][touching]))
-        return float(np.mean(sway.variances_read_m2()[touching])) / (deflection_m * fitted.noise.white_m)
+        return float(np.mean(sway.variances_read_m2()[touching])) / (deflection_m * noise.white_m)
 
-    return any(shot.sway is not None and over_white(shot, shot.sway) > _FAR for shot in fitted.problem.data.shots)
+    return any(shot.sway is not None and over_white(shot, shot.sway) > _FAR for shot in problem.data.shots)
 
 
 def _moves(fitted: Fitted, about: tuple[Point, Plates] | None, there: tuple[Point, Plates]) -> Floats:

@@ -24,6 +24,12 @@ def fit(bic: float, *effects: Any, **more: Any) -> Any:
     return SimpleNamespace(bic=bic, effects=effects, **more)
 
 
+class Start(tuple[Any, ...]):
+    """A fit from which a search starts; its problem is what is asked whether the frame moves far."""
+
+    problem = "problem"
+
+
 def trail_of(start: Any, *, compared: bool = True) -> Any:
     return SimpleNamespace(
         start=start, compared=compared, nothing_pays=True, linearised=lambda fitted: ("linear", fitted),
@@ -99,8 +105,8 @@ class Stage:
             search, "per_shot_nuisances", lambda shots, chance: along if chance == CRITERIA.own_flights else None
         )
         patch.setattr(search, "base_fit", lambda data, *given: ("base", data.shots, *given))
-        patch.setattr(search, "accept", lambda base, *given: ("accepted", base, *given))
-        patch.setattr(search, "frame_moves_far", lambda start: more.get("far", False))
+        patch.setattr(search, "accept", lambda base, *given: Start(("accepted", base, *given)))
+        patch.setattr(search, "frame_moves_far", lambda problem: problem == "problem" and more.get("far", False))
         patch.setattr(search, "with_frame_relinearised", lambda start, stop: ("anew", *start[1:], stop))
         patch.setattr(search, "search_from_base", search_from_base)
         patch.setattr(search, "nearly_as_likely", lambda first, trail: [fit(51.0, TILT), first])

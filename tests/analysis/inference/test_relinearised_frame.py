@@ -127,8 +127,8 @@ def test_a_fit_at_rest_stays_as_it_is() -> None:
 def test_a_frame_hides_effects_where_it_moves_far_and_fit_and_response_do_not_agree(
     monkeypatch: pytest.MonkeyPatch, far: bool, agree: bool
 ) -> None:
-    fitted: Any = Some()
-    monkeypatch.setattr(relinearised_frame, "frame_moves_far", lambda one: far and one is fitted)
+    fitted: Any = Some(problem="problem")
+    monkeypatch.setattr(relinearised_frame, "frame_moves_far", lambda one: far and one == "problem")
     monkeypatch.setattr(relinearised_frame, "_repeated", lambda one, stop: (one, agree and stop is calm))
     assert frame_hides_effects(fitted, calm) is (far and not agree)
 
@@ -145,9 +145,9 @@ def test_a_frame_moves_far_by_what_its_square_adds_in_contact(variance_m2: float
     lost: Any = Some(**{**vars(shot), "course": Some(touch_time_s=5.0, release_time_s=6.0)})
     still: Any = Some(sway=None)
 
-    def fit(*shots: Any, site: tuple[float, ...] = (-2.0, 3.9)) -> Any:
-        return Some(problem=Some(data=Some(shots=shots)), noise=Some(white_m=WHITE_M, site=site))
+    def problem(*shots: Any, site: tuple[float, ...] = (-2.0, 3.9)) -> Any:
+        return Some(data=Some(shots=shots), noise=Some(white_m=WHITE_M, site=site))
 
-    assert frame_moves_far(fit(still, shot)) is far
-    assert not frame_moves_far(fit(still, lost)) and not frame_moves_far(fit(still, site=()))
-    assert not frame_moves_far(fit(still, shot, site=(-2.0, 4.1)))  # a force that bends the flights, no frame
+    assert frame_moves_far(problem(still, shot)) is far
+    assert not frame_moves_far(problem(still, lost)) and not frame_moves_far(problem(still, site=()))
+    assert not frame_moves_far(problem(still, shot, site=(-2.0, 4.1)))  # a force that bends the flights, no frame

@@ -7,16 +7,26 @@ from typing import Any, cast
 import pytest
 
 from analysis.shot.consistency import NUMBERS_AFFECTED, fit_flags, flags_affecting, reading_flags
-from analysis.shot.fit import ShotFit
+from analysis.shot.fit import Overlay, ShotFit
 from analysis.shot.quantity import NotSeen, Quantity, Reading
 from app.words.flags import FLAGS
 from tests.analysis.impacts import impact_of
 from tests.analysis.shots import PAPER_FIT
 
 NO_CURVES = cast(Any, None)
-IMPACT = impact_of(velocity_in_m_per_s=Quantity(-0.265, 1e-5), velocity_out_m_per_s=Quantity(0.2617, 1e-5))
+
+
+def curves(*events_s: tuple[str, float]) -> Overlay:
+    return Overlay(NO_CURVES, NO_CURVES, NO_CURVES, NO_CURVES, NO_CURVES, events_s)
+
+
+IMPACT = impact_of(
+    velocity_in_m_per_s=Quantity(-0.265, 1e-5),
+    velocity_out_m_per_s=Quantity(0.2617, 1e-5),
+    contact_time_s=Quantity(0.03, 7e-5),
+)
 OWN = ShotFit(
-    Quantity(-0.265, 1e-5), Quantity(0.2617, 1e-5), Quantity(0.02, 1e-7), Quantity(0.0, 1e-9), NO_CURVES, NO_CURVES, 1.0
+    Quantity(-0.265, 1e-5), Quantity(0.2617, 1e-5), Quantity(0.02, 1e-7), Quantity(0.0, 1e-9), curves(), NO_CURVES, 1.0
 )
 FIT = replace(PAPER_FIT, shots=(OWN,))
 
@@ -85,6 +95,28 @@ def test_a_fit_is_flagged_where_it_is_not_what_was_read(
     own: dict[str, Any], fit: dict[str, Any], flags: tuple[str, ...]
 ) -> None:
     assert fit_flags(IMPACT, replace(FIT, shots=(replace(OWN, **own),), **fit)) == flags
+
+
+@pytest.mark.parametrize(
+    ("after_s", "chi2", "flags"),
+    [
+        (0.03, 1.0, ()),
+        (0.03 + 3.4e-4, 1.0, ()),  # five of the reading's
+        (0.03 + 3.6e-4, 1.0, ("contact_disagrees",)),
+        (0.03 - 3.6e-4, 1.0, ("contact_disagrees",)),
+        (0.025, 0.49, ("contact_disagrees", "chi2_far_from_one")),  # a wrong touch also makes the flight seem noisy
+        (0.025, 2.1, ("chi2_far_from_one",)),  # the fit does not describe the shot
+    ],
+)
+def test_a_contact_that_was_read_longer_or_shorter_than_a_good_fit_has_it_is_flagged(
+    after_s: float, chi2: float, flags: tuple[str, ...]
+) -> None:
+    """From the first touch to the last release, whatever lies between."""
+    bounces = (("touch", 0.02), ("release", 0.0203), ("touch", 0.021), ("release", 0.02 + after_s))
+    own = replace(OWN, overlay=curves(*bounces))
+    assert fit_flags(IMPACT, replace(FIT, shots=(own,), reduced_chi2=chi2)) == flags
+    caught = replace(OWN, overlay=curves(("touch", 0.02)))
+    assert fit_flags(IMPACT, replace(FIT, shots=(caught,))) == ()
 
 
 def test_a_fit_of_several_shots_is_not_compared_with_one() -> None:

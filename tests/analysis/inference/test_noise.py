@@ -98,7 +98,7 @@ def test_known_lines_are_left_out_of_a_flights_noise_and_what_is_slower_than_a_f
     _, calm = spectrum_of(values, above, lines)
     loud = values + 3e-9 * np.cos(lines[0] * at) + 3e-9 * np.cos(lines[1] * at + 1.0) + 3e-8 * np.cos(0.01 * at)
     angle, power = spectrum_of(loud, above, lines)
-    assert angle.min() >= above and np.abs(angle[:, None] - lines).min() > 4.0 * 2 * np.pi / 1498
+    assert angle.min() >= above and np.abs(angle[:, None] - lines).min() > 2.0 * 2 * np.pi / 1498
     assert np.mean(power) == pytest.approx(np.mean(calm), rel=0.05)
     assert np.mean(calm) == pytest.approx(1e-20, rel=0.12)
 

@@ -18,7 +18,7 @@ from analysis.inference.noise.sway import Sway, on_site
 from analysis.shot import Floats, Stop
 
 _MATTERS = 0.02  # error of the response, over the white noise, above which the fit is repeated
-_TURNS = 12  # maximum number of iterations of response and fit
+MOST_TURNS = 12  # maximum number of iterations of response and fit
 _NOTHING = 1.0  # change of the criterion below which an iteration is the last, if the response is nearly right
 _CLOSE = 30.0  # error of the response, over the white noise, below which it is nearly right
 _SURE = 2  # iterations after which one that goes on in the same direction must not worsen the criterion
@@ -46,7 +46,7 @@ def _repeated(fitted: Fitted, stop: Stop) -> tuple[Fitted, bool]:
         return here, True
     about: tuple[Point, Plates] | None = None  # of the last linearisation
     last = np.zeros(0)
-    for turn in range(_TURNS):
+    for turn in range(MOST_TURNS):
         data = here.problem.data
         there = here.point, likeliest_plates(here.problem, here.z)
         step = _moves(here, about, there)

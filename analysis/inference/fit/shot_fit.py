@@ -17,7 +17,7 @@ from analysis.inference.fit.as_fit import as_fit
 from analysis.inference.fit.first_fit import BIASED_CHI2, first_fit, likeliest_plates
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
-from analysis.inference.fit.relinearised_frame import frame_moves_far, half_way
+from analysis.inference.fit.relinearised_frame import MOST_TURNS, frame_moves_far, half_way
 from analysis.inference.joint.joint_data import frame_motions_of, joint_data
 from analysis.inference.model.base import Plates
 from analysis.inference.model.effective_parameters import Point
@@ -43,8 +43,7 @@ _PLATE_MOTION = effect_named("plate_motion")
 _EVALUATIONS, _TO_CONTINUE = 60, 120  # limits for a search, and for its continuation if it had not converged
 _TOLERANCE = 1e-6  # of chi^2: a thousandth of a standard deviation
 _POOR_FIT = 1.15  # reduced chi^2 above which frame motion faster than a building's is tried, as after a knock
-_TURNS = 4  # maximum iterations of fitting and relinearising the frame's contribution about the fitted motion
-_TURNS_IF_FAR = 12  # the same where the frame moves so far in contact that its response is not sure to be linear
+_TURNS = 4  # maximum iterations of fit and frame response; MOST_TURNS where that response is not sure to be linear
 _SMALL_MOVE = 1.0  # standard deviations of a parameter move that needs no relinearisation
 _STRENGTH_TURNS = 3  # maximum iterations of fitting and re-estimating the frame's strengths from the residual
 _SETTLED = 0.1  # standard deviations of a parameter move after which the strengths are final
@@ -155,7 +154,7 @@ def _settled(problem: Problem, here: Point, plates: Plates, stop: Stop) -> tuple
     The last value, shape (p,), is an extra standard deviation per parameter.  It is non-zero if a plate swings so far
     that the iteration between motion and contribution does not converge.
     """
-    for turn in range(_TURNS_IF_FAR if frame_moves_far(problem) else _TURNS):
+    for turn in range(MOST_TURNS if frame_moves_far(problem) else _TURNS):
         if turn:
             problem = _at_motion(problem, here, plates)
         z = problem.pack(problem.with_softened_contact(here))

@@ -108,8 +108,8 @@ def spectrum_of(values: Floats, above: float = 0.0, lines: Floats = _NO_LINES) -
     taper = np.sin(np.pi * (np.arange(moved.size) + 0.5) / moved.size) ** 2
     degree = _TREND if above == 0.0 else 0
     columns = [legvander(np.linspace(-1.0, 1.0, moved.size), degree)]
-    apart = np.diff(np.sort(lines), prepend=-np.inf) > 2 * np.pi / moved.size
-    for line in np.sort(lines)[apart] if above > 0.0 else ():
+    sorted_lines = np.sort(lines) if above > 0.0 else _NO_LINES
+    for line in sorted_lines[np.diff(sorted_lines, prepend=-np.inf) > 2 * np.pi / moved.size]:
         turned = line * np.arange(moved.size)
         sine = np.column_stack([np.cos(turned), np.sin(turned)])
         columns.append(np.hstack([sine, sine * np.linspace(-1.0, 1.0, moved.size)[:, None]]))  # near this frequency

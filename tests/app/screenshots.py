@@ -103,6 +103,9 @@ class Photographer:
         self.wait("sound signals of a block at rest", self._checked)
         self.take("set-up")
         self.press(Qt.Key.Key_F3)
+        rig, before = self.window.rig, self.window.rig.latest().signal.switch_toggles
+        # else a push may come, and its shot be taken, before ARMED is looked for
+        self.wait("the end of a push", lambda: rig.latest().signal.switch_toggles >= before + 2)
         self.press(Qt.Key.Key_Space)
         self.wait("ARMED", lambda: panels.banner.word.text() == "ARMED")
         self.take("armed")

@@ -232,13 +232,14 @@ class CaptureThread:
     # samples and shots --------------------------------------------------------------------------------------------
 
     def _read(self) -> None:
-        block = self.run.read()
+        state = self.machine.status.state
+        awaited = state is State.ARMED or (state is State.TRIGGERED and self.shot is None)
+        block = self.run.read(armed=awaited)
         if block is None:
             return
-        state = self.machine.status.state
         if block.fired:
             self._do(self.machine.handle(Event.TRIGGER))
-        elif state is State.ARMED or (state is State.TRIGGERED and self.shot is None):
+        elif awaited:
             self._look_for_trigger(block)
         elif state is State.TRIGGERED:
             assert self.shot is not None

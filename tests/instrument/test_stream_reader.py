@@ -50,6 +50,22 @@ def test_blocks_come_numbered_with_the_step_of_the_switch_in_them() -> None:
     assert low is None and high is not None and 0.1 < high < 1.6  # it is low now: only a rise can come
 
 
+def test_a_switch_that_is_only_watched_is_read_once_in_20_us_and_a_step_after_arming_is_found_to_the_sample() -> None:
+    reader = _reader(options=replace(OPTIONS, switch_low_v=0.5, switch_high_v=0.9))
+    assert reader._switch is not None
+    read, first_step = [], reader._switch.first_step
+    reader._switch.first_step = lambda counts: (read.append(len(counts)), first_step(counts))[1]  # type: ignore[method-assign]
+    at = 0
+    while reader.toggles == 0:
+        block = reader.read(armed=False)
+        assert block is not None and block.step is None
+        at += len(block.counts)
+    assert at > FIRST and sum(read) <= at / (2e-5 * RATE_HZ) + len(read) and reader.switch_level is Level.HIGH
+    while (block := reader.read()) is not None and block.step is None:
+        pass
+    assert block is not None and block.first + block.step == FIRST + 20_000 and reader.toggles == 2
+
+
 def test_thresholds_are_in_volts_whichever_way_the_channel_counts() -> None:
     options = replace(OPTIONS, switch_low_v=0.5, switch_high_v=0.9)
     for per_count, offset in ((1e-3, 0.0), (1e-3, 0.2), (-1e-3, 1.0)):

@@ -19,6 +19,7 @@ from app.words import (
     with_prefix,
 )
 
+RUN_DIAGNOSE = "run Diagnose"
 LACKING_CHI2 = 1.5  # chi^2/nu above which the misfit exceeds the noise
 
 
@@ -49,6 +50,7 @@ class ModelPanel(QFrame):
         add_row(column, heading, self.correlated, self.diagnose, self.details)
         labels = [text_label("", self, selectable=True, wrap=True) for _ in range(5)]
         self._model, self._fit, self.known, self.verdict, self.correlations = labels
+        self._misfit = ""  # chi^2/nu of a fit whose misfit exceeds the noise, in words
         for label in labels:
             column.addWidget(label)
         self.verdict.setMinimumHeight(2 * self.fontMetrics().lineSpacing())
@@ -65,6 +67,7 @@ class ModelPanel(QFrame):
         self.correlations.setText(_matrix(fit) if fit is not None and shown else "")
         self.correlated.setEnabled(shown)
         self.correlations.setVisible(shown and self.correlated.isChecked())
+        self._misfit = ""
         if fit is None:
             how = "fit to follow" if shot is not None and fit_pending(shot) else "not fitted"
             base = shot.settings.model if shot is not None else ""
@@ -79,13 +82,17 @@ class ModelPanel(QFrame):
         set_tone(self._fit, Tone.WARNING if lacking else None)
         chi2, noise = number(fit.reduced_chi2, 4), with_prefix(fit.noise_std_m, "m")
         words = f"χ²/ν of this shot's fit {chi2}, noise {noise} per sample"
-        self._fit.setText(f"{MARKS[Tone.WARNING]} {words}\nmisfit exceeds noise: run Diagnose" if lacking else words)
+        self._misfit = f"{MARKS[Tone.WARNING]} {words}\nmisfit exceeds noise" if lacking else ""
+        self._fit.setText(f"{self._misfit}: {RUN_DIAGNOSE}" if lacking else words)
         self._fit.setToolTip(
             "Of this shot alone, against the noise that its own fit weighs. Near 1: the residual is noise. Far above: "
             "the model is incomplete.\nA diagnosis states the joint χ²/ν of all its shots, against its own noise."
         )
 
-    def show_verdict(self, sentence: str, tone: Tone) -> None:
+    def show_verdict(self, sentence: str, tone: Tone, advice: str = RUN_DIAGNOSE) -> None:
+        """Show the verdict on the shot, and what to do about a misfit of its fit; "" for nothing."""
+        if self._misfit:
+            self._fit.setText(": ".join(filter(None, (self._misfit, advice))))
         show_toned(self.verdict, sentence, tone)
         if not sentence:
             self.verdict.setText("not diagnosed yet")

@@ -199,3 +199,10 @@ def verdict_line(entry: Entry | None, effects: Iterable[Effect] = (), holds: boo
     if VERDICTS[of.conclusion].names and of.found and set(of.found) <= set(effects):
         return f"{of.words}: in the model", Tone.GOOD
     return of.words, Tone(VERDICTS[of.conclusion].tone)
+
+
+def lacking_words(entry: Entry | None, effects: Iterable[Effect], holds: bool) -> str:
+    """Return that an entry's own fit, with these ``effects``, lacks what its diagnosis found; "" where it does not."""
+    of = entry.verdict_of if entry is not None else None
+    found = of.found if of is not None and holds and VERDICTS[of.conclusion].names else ()
+    return "" if set(found) <= set(effects) else "this fit lacks what the diagnosis found: add it to the model"

@@ -13,8 +13,9 @@ from app.report import time_zero
 from app.session import Entry, Job, Session, ShotJob, Spectra, Workbench, raw_of, spectra_of
 from app.window.controls.theme import Tone
 from app.window.panels.layout import Layout
+from app.window.panels.model import RUN_DIAGNOSE
 from app.window.panels.shot_raw import RawCurves, curves_of
-from app.window.panels.state_words import verdict_line
+from app.window.panels.state_words import lacking_words, verdict_line
 
 
 def _title(entry: Entry) -> str:
@@ -81,8 +82,12 @@ class SelectionPresenter(QObject):
         """Show the verdict on the last selected shot, struck through if it is outdated."""
         entry = self.front()
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
+        effects = fit.effects if fit is not None else ()
         holds = entry is None or self._workbench.session.verdict_is_valid(entry)
-        self._panels.model.show_verdict(*verdict_line(entry, fit.effects if fit is not None else (), holds))
+        lacking = lacking_words(entry, effects, holds) if fit is not None else ""
+        sentence, tone = verdict_line(entry, effects, holds)
+        self._panels.model.show_verdict(sentence, tone, lacking or ("" if sentence and holds else RUN_DIAGNOSE))
+        self._panels.numbers.show_lacking(lacking)
 
     def _recording(self, entry: Entry) -> Recording | None:
         if self._raw is None or self._raw[0] != entry.number:

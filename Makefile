@@ -86,6 +86,7 @@ bench-coverage: $(READY)
 bench-sites: $(READY)
 	$(BIN)/python -m tests.benchmarks.buildings --clean 43 --effects 3 --seed 2 --keep .bench/buildings.jsonl
 	$(BIN)/python -m tests.benchmarks.sites --clean 100 --effects 5 --seed 2 --keep .bench/sites.jsonl
+	$(BIN)/python -m tests.benchmarks.sites --clean 100 --recorded --seed 2 --keep .bench/sites-recorded.jsonl
 
 # what each page and report shows, as text that tests compare with, and the tables of thresholds and effects in docs/:
 # written anew, to be read before it is committed

@@ -15,8 +15,12 @@ from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import Sway, frame_response_of
 from analysis.shot.impact import VibrationSpectrum
 from analysis.shot.motion import Motion
+from analysis.shot.shot import AnalysisSettings
+from analysis.signal.demodulation import demodulate
 from instrument.bench.effects import CATALOGUE
 from instrument.bench.frame import HIGHEST_HZ, LOWEST_HZ, density_m2_per_hz
+from instrument.bench.rig import Bench
+from instrument.bench.simulated_shots import DURATION_S, SAMPLE_RATE_HZ, record_shot
 from instrument.bench.site import QUIET, site_named
 from tests.bench.blind import Truth, clean_m, drawn, records
 from tests.bench.displacement_noise import Noise, NoiseKind
@@ -35,12 +39,17 @@ _TURNS = 2  # of scaling
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One set: where the bench stands, the effect it has ("": none) of so many noise norms, and its seed."""
+    """One set: where the bench stands, the effect it has ("": none) of so many noise norms, and its seed.
+
+    ``recorded``: both beats are recorded, with a path that wanders, and demodulated; otherwise the displacement has
+    white noise alone.
+    """
 
     site: str
     effect: str
     seed: int
     norms: float = NORMS
+    recorded: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,11 +143,20 @@ def _sway(truth: Truth, index: int, shot: Samples) -> Sway:
     return frame_response_of(shot, site, base, shared, own, {})
 
 
+def motions_of(truth: Truth, case: Case) -> list[Motion]:
+    """Return what the analysis is given."""
+    if not case.recorded:
+        return [as_motion(record) for record in records(truth)]
+    rig = Bench(bodies=truth.bodies, effects=truth.effects, site=truth.site, seed=truth.seed)
+    shots = (record_shot(rig, i, v, SAMPLE_RATE_HZ, DURATION_S) for i, v in enumerate(truth.speeds_m_per_s))
+    return [demodulate(recording, AnalysisSettings()) for recording, _ in shots]
+
+
 def judge(case: Case, diagnose: Callable[[Sequence[Motion]], Any]) -> Outcome:
     """Draw a case, have it diagnosed, and write down what was said beside what was true."""
     truth, size = draw(case)
     true = dict(truth.effects.get(case.effect, {}))
-    motions = [as_motion(record) for record in records(truth)]
+    motions = motions_of(truth, case)
     began = time.process_time()
     try:
         said = diagnose(motions)

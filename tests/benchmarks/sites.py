@@ -1,8 +1,9 @@
 """The diagnosis in buildings: ``python -m tests.benchmarks.sites [--clean N] [--effects N] [--seed S] [--keep FILE]``.
 
 ``--clean`` sets a site without an effect, and ``--effects`` sets of each effect at a site, scaled so that it stands out
-by twelve (``--norms``) norms of what noise and site leave to first order.  Outcomes are kept line by line, so that a
-run that was cut off goes on where it stopped.
+by twelve (``--norms``) norms of what noise and site leave to first order.  Their displacement has white noise; with
+``--recorded`` the sets are beats of a path that wanders, recorded and demodulated.  Outcomes are kept line by line, so
+that a run that was cut off goes on where it stopped.
 """
 
 import argparse
@@ -23,12 +24,14 @@ SCORES = ("right", "in the class", "with a false partner", "wrong", "unnamed", "
 
 
 def cases(
-    sites: Sequence[str], effects: Sequence[str], clean: int, of_each: int, seed: int, norms: float = NORMS
+    sites: Sequence[str], effects: Sequence[str], clean: int, of_each: int, seed: int, norms: float, recorded: bool
 ) -> list[Case]:
     """Return the cases, effects of so many noise ``norms``; every one has a seed of its own."""
     wanted = [(site, "") for _ in range(clean) for site in sites]
     wanted += [(site, effect) for _ in range(of_each) for site in sites for effect in effects]
-    return [Case(site, effect, seed * 1_000_003 + place, norms) for place, (site, effect) in enumerate(wanted)]
+    return [
+        Case(site, effect, seed * 1_000_003 + place, norms, recorded) for place, (site, effect) in enumerate(wanted)
+    ]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -39,12 +42,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--sites", default=",".join(SITES))
     parser.add_argument("--only", default=",".join(EFFECTS), metavar="EFFECT,...")
     parser.add_argument("--norms", type=float, default=NORMS, help="how far an effect stands out of noise and site")
+    parser.add_argument("--recorded", action="store_true", help="beats, demodulated, of a path that wanders")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--processes", type=int, default=min(2, os.cpu_count() or 1))
     parser.add_argument("--keep", type=Path, metavar="FILE", help="outcomes, a JSON object a line; read back if there")
     options = parser.parse_args(arguments)
     sites, effects = options.sites.split(","), options.only.split(",")
-    todo = cases(sites, effects, options.clean, options.effects, options.seed, options.norms)
+    todo = cases(sites, effects, options.clean, options.effects, options.seed, options.norms, options.recorded)
     outcomes: list[Outcome] = []
     for outcome in kept_runs(todo, _one, options.processes, options.keep, from_json):
         outcomes.append(outcome)

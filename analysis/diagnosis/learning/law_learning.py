@@ -83,7 +83,10 @@ def learn_law(
     if not held:
         return None
     if curves is None:
-        curves = refine_contenders(start, rough_curves(start, tell, stop, beside), stop)
+        rough = rough_curves(start, tell, stop, beside)
+        if not any(may_beat(beat, one.bic, start.bic) for one in rough):
+            return None
+        curves = refine_contenders(start, rough, stop)
     if not forms_may_beat(beat, curves, start):
         return None
     fits = _likeliest_forms(_fitted_forms(start, curves, tell, stop), stop)

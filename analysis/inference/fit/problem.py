@@ -235,11 +235,19 @@ class Fitted(ModelAtVector):
         """Get the Bayesian information criterion (Schwarz 1978): k ln n - 2 ln L; smaller is better."""
         return self.problem.size * math.log(self.samples) - 2 * self.log_likelihood
 
-    @property
+    @cached_property
     def unlearned_noise(self) -> Floor:
-        """Get a noise that absorbs no missing effect: on a moving frame that of the flights, else the white part."""
+        """Get a noise that absorbs no missing effect: on a moving frame that of the flights, else the white part.
+
+        The flights show too little of a slow wander above the frame's frequencies to be sure of it.  A wander learned
+        from the whole shots counts as noise where they do not contradict it; one that absorbs an effect is larger.
+        """
         data = self.problem.data
-        return data.noise_of_flights if data.site.moves else self.noise.still
+        if not data.site.moves:
+            return self.noise.still
+        flights = data.noise_of_flights
+        learned = replace(self.noise, site=flights.site)
+        return learned if learned.wander and not flights.wander and data.flights_allow(learned) else flights
 
     @property
     def wanders_only_in_contact(self) -> bool:

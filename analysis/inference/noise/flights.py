@@ -25,6 +25,7 @@ _TREND = 2  # degree of the subtracted polynomial: the flight, and drag too slow
 _CORRELATION_TIMES_S = tuple(np.geomspace(1e-3, 30e-3, 7))  # corner frequencies between 160 and 5 Hz
 _WEIGHT = 0.5  # degrees of freedom per bin: a Hann taper correlates about two neighbouring bins
 _PAYS = 4.0  # log-likelihood gain required of a wandering part, which has two parameters
+_ALLOWED = 2.0  # log-likelihood below the best, up to which flights allow a noise: two standard deviations
 _AS_LIKELY = 1.0  # log-likelihood below the best within which the longest correlation time is chosen
 _MIN_WHITE = 0.1  # least white noise, as a fraction of the density at the highest frequencies
 _LINE = 16.0  # power of a line over the noise; chance exceeds it with probability e^-16 per bin
@@ -43,8 +44,7 @@ def noise_of_flights(shots: Sequence[Samples], site: Site = STILL_FRAME) -> tupl
     an effect.  If no flight is long enough, the noise is white, from third differences.
     """
     spacing_s = shots[0].spacing_s
-    incoming = _spectra([_flight(shot, shot.course.quiet_in) for shot in shots], spacing_s, site)
-    outgoing = _spectra([_flight(shot, shot.course.quiet_out) for shot in shots], spacing_s, site)
+    incoming, outgoing = _spectra_of_flights(shots, site)
     strengths = (0.0,) * site.bands
     if not incoming and not outgoing:
         return replace(white_floor(_by_differences(shots), spacing_s), site=strengths), False
@@ -52,6 +52,30 @@ def noise_of_flights(shots: Sequence[Samples], site: Site = STILL_FRAME) -> tupl
     if incoming and outgoing:
         noise = _with_outgoing(noise, incoming, outgoing, spacing_s)
     return replace(noise, site=strengths), True
+
+
+def flights_allow(noise: Floor, shots: Sequence[Samples], site: Site) -> bool:
+    """Return whether the quiet flights are nearly as likely under white noise and wander of ``noise`` as under any.
+
+    The frequencies and flights are those of ``noise_of_flights``.  False without a flight that is long enough.
+    """
+    incoming, outgoing = _spectra_of_flights(shots, site)
+    if not incoming and not outgoing:
+        return False
+    angle, power = (np.concatenate(part) for part in zip(*incoming, *outgoing, strict=True))
+
+    def unlikely(of: Floor) -> float:
+        density = _density(of, angle)
+        return _WEIGHT * float(np.sum(np.log(density) + power / density))
+
+    return unlikely(noise) - unlikely(likeliest_noise([*incoming, *outgoing], noise.spacing_s)) < _ALLOWED
+
+
+def _spectra_of_flights(shots: Sequence[Samples], site: Site) -> tuple[list[Spectrum], list[Spectrum]]:
+    """Return the spectra of the incoming and of the outgoing flights."""
+    spacing_s = shots[0].spacing_s
+    incoming = _spectra([_flight(shot, shot.course.quiet_in) for shot in shots], spacing_s, site)
+    return incoming, _spectra([_flight(shot, shot.course.quiet_out) for shot in shots], spacing_s, site)
 
 
 def _spectra(flights: Sequence[Floats], spacing_s: float, site: Site) -> list[Spectrum]:
@@ -150,8 +174,8 @@ def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
 
 def _density(noise: Floor, angle: Floats) -> Floats:
     """Return the spectral density of a noise at angles per sample, as power per sample."""
-    memory = math.exp(-noise.spacing_s / noise.tau_s[0])
-    return np.asarray(noise.white_m**2 + _wandering(angle, noise.rms_m[0] ** 2, memory))
+    parts = (_wandering(angle, rms_m**2, math.exp(-noise.spacing_s / tau_s)) for rms_m, tau_s in noise.wander)
+    return np.asarray(noise.white_m**2 + sum(parts, np.zeros(angle.size)))
 
 
 def _wandering(angle: Floats, variance: float, memory: float) -> Floats:

@@ -18,10 +18,12 @@ from analysis.inference.noise.flights import (
     _power_not_above,
     _two_levels,
     _wandering,
+    flights_allow,
     likeliest_noise,
     spectrum_of,
 )
 from analysis.inference.noise.floor import Floor
+from analysis.inference.noise.site import STILL_FRAME
 
 SPACING_S = 5e-5
 
@@ -204,3 +206,28 @@ def test_a_wander_is_found_beside_lines() -> None:
         return sum(likeliest_noise(spectra(seed, lines), SPACING_S).rms_m[0] > 0.0 for seed in range(40))
 
     assert found(0.093, 0.225) >= 38  # 27 where four bins were left out beside each
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_flights_allow_a_wander_that_they_do_not_contradict(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wander may be too faint for them to show; one that has absorbed a missing effect is larger than they bear."""
+    angle = np.pi * np.arange(20, 250) / 250
+    faint = Floor(1e-10, (4e-11, 0.0), (1e-3, 1e-2), SPACING_S)
+    both = replace(faint, rms_m=(4e-11, 3e-11), tau_s=(1e-3, 2e-3))
+    power = np.random.default_rng(seed).exponential(_density(faint, angle))
+    shots: Any = [SimpleNamespace(spacing_s=SPACING_S)]
+    white = Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), SPACING_S)
+    monkeypatch.setattr(flights, "_spectra_of_flights", lambda shots, site: ([(angle, power)], []))
+    allowed = [
+        flights_allow(one, shots, STILL_FRAME) for one in (white, faint, both, replace(faint, rms_m=(4e-10, 0.0)))
+    ]
+    assert allowed == [True, True, True, False]
+    monkeypatch.setattr(flights, "_spectra_of_flights", lambda shots, site: ([], []))
+    assert not flights_allow(white, shots, STILL_FRAME)
+
+
+def test_the_density_of_two_parts_is_the_sum_of_both() -> None:
+    angle = np.array([0.05, 0.6, 3.0])
+    one, other = (Floor(2.0, (rms, 0.0), (tau_s, 1e-2), SPACING_S) for rms, tau_s in ((3.0, 4e-4), (5.0, 2e-3)))
+    both = Floor(2.0, (3.0, 5.0), (4e-4, 2e-3), SPACING_S)
+    np.testing.assert_allclose(_density(both, angle) + 4.0, _density(one, angle) + _density(other, angle), rtol=1e-12)

@@ -10,6 +10,7 @@ import pytest
 from analysis.collision.parameters import Infeasible
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
+from analysis.inference.noise.floor import Floor
 from tests.analysis.diagnosis.shots import WHITE_M, base_fit, calm, shots
 from tests.analysis.inference.shown import whole_slope
 
@@ -117,6 +118,25 @@ def test_a_fit_is_at_its_minimum_with_its_criterion_and_its_covariance(best: Fit
     np.testing.assert_allclose(best.std**2, np.diag(covariance))
     assert best.effects == () and best.unlearned_noise == best.noise.still
     assert best.with_marginal_covariance() is best and best.continued() is best  # no frame, and at its end
+
+
+def test_on_a_frame_a_wander_that_the_flights_bear_but_do_not_show_is_no_missing_effect() -> None:
+    flights, learned = (
+        Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), 2e-5, (0.0,)),
+        Floor(9e-11, (4e-11, 0.0), (1e-3, 1e-2), 2e-5, (1.5,)),
+    )
+
+    def unlearned(seen: Floor, noise: Floor, allowed: bool, moves: bool = True) -> Floor:
+        data = Some(site=Some(moves=moves), noise_of_flights=seen, flights_allow=lambda _: allowed)
+        fitted: Any = Some(problem=Some(data=data), noise=noise)
+        found: Floor = Fitted.unlearned_noise.func(fitted)  # type: ignore[attr-defined]
+        return found
+
+    assert unlearned(flights, learned, True) == replace(learned, site=(0.0,))  # the frame as strong as was read
+    assert unlearned(flights, learned, False) == unlearned(flights, replace(learned, rms_m=(0.0, 0.0)), True) == flights
+    seen = replace(flights, rms_m=(1e-11, 0.0))
+    assert unlearned(seen, learned, True) == seen
+    assert unlearned(flights, learned, True, moves=False) == learned.still
 
 
 def test_parameters_that_are_held_stay_and_the_others_give_way(best: Fitted) -> None:

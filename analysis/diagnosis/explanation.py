@@ -76,6 +76,13 @@ def explain_with_effects(
             break
         best, linearised = fewer, trail.linearised(fewer)
         residual, separations = residual_of(best, linearised), separations_of(best, linearised, trail)
+    if found and not effects and best.converged and not residual.significant:
+        # They gain no more than any freedom does by chance.  Is anything missing without them?
+        at = trail.linearised(trail.start)
+        bare = residual_of(trail.start, at)
+        if not bare.significant:
+            best, linearised, residual, found = trail.start, at, bare, []
+            effects, verdict = accepted_effects(found, residual, best)
     named = bool(effects) or verdict is Verdict.ADEQUATE
     imitating = () if named else trail.added(best)  # what comes near without having passed every gate
     return Explanation(

@@ -18,7 +18,7 @@ class Fit:
     """A fit of some effects, whose profile and criterion are known."""
 
     def __init__(self, *effects: Any, bic: float = 100.0) -> None:
-        self.effects, self.bic, self.noise = effects, bic, f"noise of {len(effects)}"
+        self.effects, self.bic, self.noise, self.converged = effects, bic, f"noise of {len(effects)}", True
 
     def __repr__(self) -> str:
         return f"Fit{self.effects}"
@@ -73,8 +73,8 @@ class Stage:
         assert (parameters, separation) == (f"of {effect.name}", f"far {effect.name}") and best.effects
         return FoundEffect(effect, {}, {"count": float(residual.count)}, ())
 
-    def accepted(self, found: Any, residual: Any, best: Any, *, nothing_pays: Any) -> Any:
-        assert nothing_pays == "pays" and [one.effect for one in found] == list(best.effects)
+    def accepted(self, found: Any, residual: Any, best: Any, *, nothing_pays: Any = False) -> Any:
+        assert nothing_pays in ("pays", False) and [one.effect for one in found] == list(best.effects)
         passes = self.named and not (set(best.effects) & set(self.doubtful))
         effects = found if passes else []
         if residual.significant:
@@ -143,13 +143,29 @@ def test_an_effect_that_a_residual_leaves_in_doubt_is_taken_out_by_itself(
 def test_where_nothing_is_left_or_nothing_can_be_taken_out_doubt_changes_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    calm = Stage(monkeypatch, Fit(DRAG, TILT), doubtful=(TILT,))
+    calm = Stage(monkeypatch, Fit(DRAG, TILT), doubtful=(TILT,), left=(0,))
     assert calm.explained().nearest is calm.best
     stuck = Stage(monkeypatch, Fit(DRAG, TILT), left=(2,), doubtful=(TILT,))
     stuck.nothing_without = (TILT,)
     assert stuck.explained().nearest is stuck.best
     refused = Stage(monkeypatch, Fit(DRAG, TILT), left=(2,), named=False)
     assert refused.explained().nearest is refused.best
+
+
+def test_an_effect_that_gains_no_more_than_chance_is_dropped_where_nothing_is_missing_without_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    clean = Stage(monkeypatch, Fit(DRAG), named=False)
+    made: Any = clean.explained()
+    assert made.verdict is Verdict.ADEQUATE and made.nearest is made.after is clean.start
+    assert (made.effects, made.imitations, made.remainder, made.linearised) == ((), (), None, ("linear", ()))
+    assert made.predictions == ("before", ((), (4,), "noise of 0", "stop"))
+    lacking = Stage(monkeypatch, Fit(DRAG), named=False, left=(0,))  # without it something is
+    made = lacking.explained()
+    assert made.verdict is Verdict.UNEXPLAINED and made.nearest is lacking.best and made.imitations
+    unsure = Stage(monkeypatch, Fit(DRAG), named=False)
+    unsure.best.converged = False
+    assert unsure.explained().verdict is Verdict.UNEXPLAINED
 
 
 def test_the_evidence_of_an_effect_is_complete(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ from app.session.workbench import Workbench
 from app.window.controls.theme import Theme, Tone
 from app.window.panels.layout import Layout
 from app.window.panels.session_model import VERDICT, SessionModel
-from app.window.panels.state_words import lacking_words, verdict_line
+from app.window.panels.state_words import misfit_advice, verdict_line
 from app.window.presenters.diagnosis import DiagnosisPresenter
 from app.window.presenters.selection import SelectionPresenter
 from app.window.presenters.session import SessionPresenter
@@ -154,10 +154,10 @@ def test_a_verdicts_tone_comes_from_what_was_concluded_and_not_from_its_words(co
 def test_a_fit_without_what_its_diagnosis_found_is_said_to_lack_it():
     words = "this fit lacks what the diagnosis found: add it to the model"
     found = _entry(Verdict.EFFECT_FOUND, ("tilt", "adhesion"))
-    assert lacking_words(found, effects_named(("tilt",)), True) == words
-    assert lacking_words(found, effects_named(("adhesion", "tilt")), True) == ""
-    assert lacking_words(found, (), False) == lacking_words(None, (), True) == ""
-    assert lacking_words(_entry(Verdict.UNEXPLAINED, ("tilt",)), (), True) == ""  # nothing was found
+    assert misfit_advice(found, effects_named(("tilt",)), True) == words
+    assert misfit_advice(found, effects_named(("adhesion", "tilt")), True) == ""
+    assert misfit_advice(found, (), False) == misfit_advice(None, (), True) == "run Diagnose"
+    assert misfit_advice(_entry(Verdict.UNEXPLAINED, ("tilt",)), (), True) == ""  # nothing was found
 
 
 def test_every_conclusion_is_worded_in_one_place(qtbot):

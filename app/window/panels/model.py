@@ -19,7 +19,6 @@ from app.words import (
     with_prefix,
 )
 
-RUN_DIAGNOSE = "run Diagnose"
 LACKING_CHI2 = 1.5  # chi^2/nu above which the misfit exceeds the noise
 
 
@@ -83,13 +82,13 @@ class ModelPanel(QFrame):
         chi2, noise = number(fit.reduced_chi2, 4), with_prefix(fit.noise_std_m, "m")
         words = f"χ²/ν of this shot's fit {chi2}, noise {noise} per sample"
         self._misfit = f"{MARKS[Tone.WARNING]} {words}\nmisfit exceeds noise" if lacking else ""
-        self._fit.setText(f"{self._misfit}: {RUN_DIAGNOSE}" if lacking else words)
+        self._fit.setText(self._misfit or words)
         self._fit.setToolTip(
             "Of this shot alone, against the noise that its own fit weighs. Near 1: the residual is noise. Far above: "
             "the model is incomplete.\nA diagnosis states the joint χ²/ν of all its shots, against its own noise."
         )
 
-    def show_verdict(self, sentence: str, tone: Tone, advice: str = RUN_DIAGNOSE) -> None:
+    def show_verdict(self, sentence: str, tone: Tone, advice: str = "") -> None:
         """Show the verdict on the shot, and what to do about a misfit of its fit; "" for nothing."""
         if self._misfit:
             self._fit.setText(": ".join(filter(None, (self._misfit, advice))))

@@ -71,7 +71,6 @@ class NumbersPanel(Themed, QScrollArea):
         self._shot: Shot | None = None
         self._title = "No shot"
         self._version = ""
-        self._lacking = ""
         self._combined: dict[str, float] = {}  # combined standard uncertainties of the shot shown, by budget key
         self._groups: dict[Group, list[QWidget]] = {}
         self._rows: list[ResultNumber] = []
@@ -215,11 +214,6 @@ class NumbersPanel(Themed, QScrollArea):
         self._show_agreement(shot)
         self._show_flags(shot)
 
-    def show_lacking(self, words: str) -> None:
-        """Show below the flags what the shot's fit lacks that a diagnosis has found; "" for nothing."""
-        self._lacking = words
-        self._show_flags(self._shot)
-
     def _mark(self, row: ResultNumber, doubts: tuple[str, ...], hover: str, wide: bool) -> None:
         """Mark the name of a number that is flagged or poorly determined; a mild flag appears only in the tooltip."""
         name = self._names[row.name]
@@ -259,14 +253,12 @@ class NumbersPanel(Themed, QScrollArea):
             self.agreement.setToolTip("Difference between quasi-static and impulse COR, relative to their noise")
 
     def _show_flags(self, shot: Shot | None) -> None:
-        """Show the shot's problem and flags, what its fit lacks, and the version of a cached result."""
+        """Show the shot's problem and flags, and the version of a cached result."""
         said: list[tuple[Tone, str]] = []
         if shot is not None and shot.problem:
             said.append((Tone.BAD, f"{MARKS[Tone.BAD]} {shot.problem}"))
         if shot is not None:
             said += [(flag_tone(flag), flag_line(flag)) for flag in by_severity(shot.flags)]
-        if self._lacking:
-            said.append((Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {self._lacking}"))
         if self._version:
             said.append(
                 (Tone.NEUTRAL, f"{MARKS[Tone.NEUTRAL]} {cached_words(self._version)}; Ctrl+R repeats the analysis")

@@ -201,8 +201,10 @@ def verdict_line(entry: Entry | None, effects: Iterable[Effect] = (), holds: boo
     return of.words, Tone(VERDICTS[of.conclusion].tone)
 
 
-def lacking_words(entry: Entry | None, effects: Iterable[Effect], holds: bool) -> str:
-    """Return that an entry's own fit, with these ``effects``, lacks what its diagnosis found; "" where it does not."""
+def misfit_advice(entry: Entry | None, effects: Iterable[Effect], holds: bool) -> str:
+    """Return what to do about a misfit of an entry's own fit with these ``effects``; "" where nothing was found."""
     of = entry.verdict_of if entry is not None else None
-    found = of.found if of is not None and holds and VERDICTS[of.conclusion].names else ()
+    if of is None or not holds:
+        return "run Diagnose"
+    found = of.found if VERDICTS[of.conclusion].names else ()
     return "" if set(found) <= set(effects) else "this fit lacks what the diagnosis found: add it to the model"

@@ -13,9 +13,8 @@ from app.report import time_zero
 from app.session import Entry, Job, Session, ShotJob, Spectra, Workbench, raw_of, spectra_of
 from app.window.controls.theme import Tone
 from app.window.panels.layout import Layout
-from app.window.panels.model import RUN_DIAGNOSE
 from app.window.panels.shot_raw import RawCurves, curves_of
-from app.window.panels.state_words import lacking_words, verdict_line
+from app.window.panels.state_words import misfit_advice, verdict_line
 
 
 def _title(entry: Entry) -> str:
@@ -84,10 +83,7 @@ class SelectionPresenter(QObject):
         fit = entry.shot.fit if entry is not None and entry.shot is not None else None
         effects = fit.effects if fit is not None else ()
         holds = entry is None or self._workbench.session.verdict_is_valid(entry)
-        lacking = lacking_words(entry, effects, holds) if fit is not None else ""
-        sentence, tone = verdict_line(entry, effects, holds)
-        self._panels.model.show_verdict(sentence, tone, lacking or ("" if sentence and holds else RUN_DIAGNOSE))
-        self._panels.numbers.show_lacking(lacking)
+        self._panels.model.show_verdict(*verdict_line(entry, effects, holds), misfit_advice(entry, effects, holds))
 
     def _recording(self, entry: Entry) -> Recording | None:
         if self._raw is None or self._raw[0] != entry.number:

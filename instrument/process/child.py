@@ -19,7 +19,7 @@ from analysis.shot import Setup
 from instrument.background import lower_priority, start_thread
 from instrument.devices import Block, Capabilities, CaptureSettings, Digitizer, DigitizerError, block_samples
 from instrument.files import one_line
-from instrument.process.shared_ring import SharedRing
+from instrument.process.shared_ring import RingKey, SharedRing
 
 Opener = Callable[[], Digitizer]
 
@@ -36,7 +36,7 @@ class Order:
     kind: str  # prepare, defaults, arm, stop, close
     serial: int
     settings: CaptureSettings | None = None
-    ring: tuple[str, int, int, int] | None = None  # the key of a new ring
+    ring: RingKey | None = None  # of a new ring
     at: int = 0  # number of the stream's first sample in the ring
 
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from instrument.background import ProcessEnded, WorkerProcess
 from instrument.devices import CaptureSettings, DigitizerError
 from instrument.process.child import OPENED, STARTED, Answer, BlockReady, DeviceState, Opener, Order, serve
+from instrument.process.shared_ring import RingKey
 
 START_S = 60.0  # to start the process on a busy machine
 _LOOK_S = 0.1
@@ -58,7 +59,7 @@ class DeviceProcess:
         self,
         kind: str,
         settings: CaptureSettings | None = None,
-        ring: tuple[str, int, int, int] | None = None,
+        ring: RingKey | None = None,
         at: int = 0,
     ) -> int:
         """Send an order and return its serial number; from any thread."""

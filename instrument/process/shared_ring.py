@@ -12,6 +12,7 @@ from instrument.devices import DigitizerError, Ring
 
 _HEADER_BYTES = 64
 _READ, _BLOCKS, _BEATS = _COUNTERS = range(3)
+RingKey = tuple[str, int, int, int]  # name, capacity, channels, ahead: with which another process attaches a ring
 _FILES = Path("/dev/shm")  # shared memory on Linux
 
 
@@ -26,7 +27,7 @@ class SharedRing(Ring):
     def __init__(self, memory: SharedMemory, capacity: int, channels: int, ahead: int) -> None:
         self._memory = memory
         self.ahead = ahead
-        self.key = memory.name, capacity, channels, ahead  # with which another process attaches it
+        self.key: RingKey = (memory.name, capacity, channels, ahead)
         self._counters = np.ndarray(len(_COUNTERS), np.int64, memory.buf)
         super().__init__(
             capacity, channels, np.ndarray((capacity + ahead, channels), np.int16, memory.buf, _HEADER_BYTES)

@@ -83,7 +83,8 @@ class Capture:
         self._orders.put(("abort", None))
 
     def watch(self, on: bool) -> None:
-        """Set whether the live curves are in view; if not, they are not computed, which saves most of the idle work."""
+        """Set whether the signals are in view; if not, no live curves are computed: most of the idle work is saved."""
+        self._capture.watched = on
         if self._live is not None:
             self._live.watched = on
 

@@ -16,7 +16,7 @@ from instrument.trigger import Edge, Level, LightSwitch, MotionTrigger, TriggerS
 READ_TIMEOUT_S = 0.05
 STALL_S = 3.0  # without a sample, after which a running device counts as stopped
 TRIGGER_SPEED_M_PER_S = 0.05  # of the block, for the trigger without a light switch
-_WATCHED_S = 2e-5  # between the samples of the light switch that are read while no shot can begin
+_GLANCE_S = 2e-5  # between the samples of the light switch that are read while only its level matters
 _RING_S = 0.5  # of the stream that the ring holds, for slow readers
 _MAX_RING_BYTES = 512 * 2**20
 _MAX_SHOT_BYTES = 2 * 2**30
@@ -149,10 +149,11 @@ class StreamReader:
         self.running = True
         self._received_s = self._clock()
 
-    def read(self, *, armed: bool = True) -> ReadBlock | None:
+    def read(self, *, closely: bool = True) -> ReadBlock | None:
         """Read the next block into the ring and return it, None if none came in time.  Raises DigitizerError.
 
-        Its trigger is sought only if ``armed``; otherwise the light switch is watched, at a fraction of the time.
+        Its trigger is sought only if ``closely``; otherwise the light switch's level is followed, which takes a tenth
+        of the time.
         """
         stream = self.stream
         assert stream is not None
@@ -173,16 +174,16 @@ class StreamReader:
             self._delivered.add(block.samples, block.lost_before, now, waits=block.samples == len(view))
             stream.doubtful_rate_hz = self._delivered.doubtful_hz
         counts = view[: block.samples]
-        step = self._step(block, counts, armed)
+        step = self._step(block, counts, closely)
         if block.ended:
             self.running = False
         return ReadBlock(counts, first, block.lost_before, step, block.ended, block.fired and not block.samples)
 
-    def _step(self, block: Block, counts: NDArray[np.int16], armed: bool) -> int | None:
+    def _step(self, block: Block, counts: NDArray[np.int16], closely: bool) -> int | None:
         """Return the trigger's index in the counts: by the device if it has a trigger, else by switch or motion."""
-        if self._switch is not None and not armed:
+        if self._switch is not None and not closely:
             assert self.stream is not None
-            self._switch.first_step(counts[:: max(1, int(_WATCHED_S * self.stream.settings.sample_rate_hz))])
+            self._switch.first_step(counts[:: max(1, int(_GLANCE_S * self.stream.settings.sample_rate_hz))])
             return block.trigger_sample
         trigger = self._switch or self._motion
         step = trigger.first_step(counts) if trigger is not None else None  # asked of all counts, as it keeps track

@@ -50,14 +50,16 @@ def test_blocks_come_numbered_with_the_step_of_the_switch_in_them() -> None:
     assert low is None and high is not None and 0.1 < high < 1.6  # it is low now: only a rise can come
 
 
-def test_a_switch_that_is_only_watched_is_read_once_in_20_us_and_a_step_after_arming_is_found_to_the_sample() -> None:
+def test_a_switch_whose_level_is_followed_is_read_once_in_20_us_and_a_step_sought_after_it_is_found_to_the_sample() -> (
+    None
+):
     reader = _reader(options=replace(OPTIONS, switch_low_v=0.5, switch_high_v=0.9))
     assert reader._switch is not None
     read, first_step = [], reader._switch.first_step
     reader._switch.first_step = lambda counts: (read.append(len(counts)), first_step(counts))[1]  # type: ignore[method-assign]
     at = 0
     while reader.toggles == 0:
-        block = reader.read(armed=False)
+        block = reader.read(closely=False)
         assert block is not None and block.step is None
         at += len(block.counts)
     assert at > FIRST and sum(read) <= at / (2e-5 * RATE_HZ) + len(read) and reader.switch_level is Level.HIGH

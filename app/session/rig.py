@@ -190,10 +190,10 @@ class Rig:
         message, remedy = self._fault or ("opening the source", "")
         return Snapshot(state, self._since_s, False, message, remedy, SignalLine(), empty_view())
 
-    def watch(self, on: bool) -> None:
-        """Set whether the live curves are shown and must be updated."""
+    def watch(self, curves: bool, *, switch: bool) -> None:
+        """Set whether the live curves must be updated, and each step of the light switch counted."""
         if self._running is not None:
-            self._running.capture.watch(on)
+            self._running.capture.watch(curves, switch=switch)
 
     def can_arm(self, snapshot: Snapshot) -> bool:
         """Return whether ARM is possible now."""

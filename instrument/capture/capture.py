@@ -82,11 +82,11 @@ class Capture:
         """Return to idle from any state; samples received after a trigger are saved."""
         self._orders.put(("abort", None))
 
-    def watch(self, on: bool) -> None:
-        """Set whether the signals are in view; if not, no live curves are computed: most of the idle work is saved."""
-        self._capture.watched = on
+    def watch(self, curves: bool, *, switch: bool) -> None:
+        """Set whether the live curves must be updated, and each step of the light switch counted: most of idle work."""
+        self._capture.counts_steps = switch
         if self._live is not None:
-            self._live.watched = on
+            self._live.watched = curves
 
     def trigger_now(self) -> None:
         """Trigger now, in place of the light switch."""

@@ -49,7 +49,7 @@ class CaptureThread:
         self.alive_s: float | None = None
         self.arm_pressed_s: float | None = None  # when ARM was pressed, until the thread has taken the order
         self.closing = False
-        self.watched = True  # whether the signals are in view: then every step of the light switch counts
+        self.counts_steps = True  # whether every step of the light switch counts although no shot can begin
         self.touched = False  # while True only this thread may call the digitizer
         self.prepared = False  # while True every call of the digitizer returns soon
         self._digitizer = digitizer
@@ -235,7 +235,7 @@ class CaptureThread:
     def _read(self) -> None:
         state = self.machine.status.state
         awaited = state is State.ARMED or (state is State.TRIGGERED and self.shot is None)
-        block = self.run.read(closely=awaited or self.watched)
+        block = self.run.read(closely=awaited or self.counts_steps)
         if block is None:
             return
         if block.fired:

@@ -45,8 +45,8 @@ class Capture:
     def set_options(self, options: Any) -> None:
         self.told.append(("options", options))
 
-    def watch(self, on: bool) -> None:
-        self.told.append(("watch", on))
+    def watch(self, on: bool, *, switch: bool) -> None:
+        self.told.append(("watch", (on, switch)))
 
     def save_pending(self, folder: Path) -> list[Path]:
         return [folder / "a", folder / "b"]
@@ -100,7 +100,7 @@ def test_a_source_that_failed_says_why_and_can_be_armed_to_open_again(rig) -> No
     idle = rig.latest()
     assert (idle.state, idle.message) == (State.IDLE, "opening the source")
     assert not rig.can_arm(idle) and not rig.can_abort(idle)
-    for command in (rig.trigger_now, rig.options_changed, lambda: rig.watch(True)):
+    for command in (rig.trigger_now, rig.options_changed, lambda: rig.watch(True, switch=True)):
         command()
     rig.set_rearm(True)
     assert rig.rearm
@@ -113,11 +113,11 @@ def test_commands_go_to_the_capture(rig) -> None:
     rig.set_rearm(True)
     rig.arm()
     rig.trigger_now()
-    rig.watch(False)
+    rig.watch(False, switch=True)
     rig.options_changed()
     rig.abort()
     assert capture.told == [
-        ("arm", False), ("automatic", True), ("arm", True), ("trigger", None), ("watch", False),
+        ("arm", False), ("automatic", True), ("arm", True), ("trigger", None), ("watch", (False, True)),
         ("options", "options"), ("abort", None),
     ]  # fmt: skip
     capture.snapshot = replace(capture.snapshot, unsaved=("one", "two"))

@@ -80,12 +80,12 @@ def test_a_shot_holds_what_was_asked_for_around_the_step_and_the_stream_goes_on(
     assert (second.counts[:, 1] == samples(FIRST + 20_000 - 4_000, 20_000)[:, 1]).all()  # the step down, after the shot
 
 
-def test_every_sample_of_the_switch_is_read_while_a_shot_may_begin_or_somebody_looks(stepped: Stepped) -> None:
+def test_every_sample_of_the_switch_is_read_while_a_shot_may_begin_or_its_steps_are_counted(stepped: Stepped) -> None:
     how, read = [], stepped.thread.run.read
     stepped.thread.run.read = lambda closely: (how.append(closely), read(closely=closely))[1]  # type: ignore[method-assign, func-returns-value]
     stepped.thread._watch()
     stepped.turn()
-    stepped.thread.watched = False
+    stepped.thread.counts_steps = False
     stepped.turn()
     stepped.take("arm", False)
     stepped.turn(lambda: stepped.state is State.TRANSFERRING)
@@ -511,8 +511,10 @@ def test_what_is_asked_of_a_capture_is_an_order_to_its_thread(tmp_path: Path) ->
         *(("arm", False), ("arm", True), ("automatic", False), ("abort", None), ("fire", None), ("options", options))
     ]
     assert capture._live is not None and capture._live.watched
-    capture.watch(False)
-    assert not capture._live.watched and not capture._capture.watched and capture._orders.empty()
+    capture.watch(False, switch=True)
+    assert not capture._live.watched and capture._capture.counts_steps
+    capture.watch(True, switch=False)
+    assert capture._live.watched and not capture._capture.counts_steps and capture._orders.empty()
 
 
 def test_arming_is_shown_from_the_press_until_the_digitizer_has_started(tmp_path: Path) -> None:

@@ -59,7 +59,8 @@ class RigPresenter(QObject):
             p.signals.show_tile(name, sign)
         p.signals.show_folder(str(snapshot.signal.folder or ""))
         on_live = p.tabs.currentIndex() == Layout.LIVE
-        self._rig.watch(on_live or p.setup.isVisible())
+        on_setup = p.setup.isVisible()
+        self._rig.watch(on_live or on_setup, switch=on_setup)
         if on_live and snapshot.live is not self._live_shown:
             self._live_shown = snapshot.live
             p.live.show_live(snapshot.live)

@@ -430,7 +430,7 @@ def test_a_session_that_cannot_be_saved_is_said_until_it_is_again(window, monkey
 
 def test_live_is_drawn_only_while_it_is_in_view(window, monkeypatch):
     watched, drawn = [], []
-    monkeypatch.setattr(window.rig, "watch", watched.append)
+    monkeypatch.setattr(window.rig, "watch", lambda curves, *, switch: watched.append((curves, switch)))
     monkeypatch.setattr(window.panels.live, "show_live", drawn.append)
     monkeypatch.setattr(window.panels.live, "show_raw", lambda *_: None)
     views = [replace(empty_view(), problem=str(n)) for n in range(2)]
@@ -438,4 +438,5 @@ def test_live_is_drawn_only_while_it_is_in_view(window, monkeypatch):
         window.panels.tabs.setCurrentIndex(page)
         monkeypatch.setattr(window.rig, "latest", lambda view=view: quiet(live=views[view]))
         window.rig_presenter.refresh()
-    assert watched == [False, True, True, True] and [view.problem for view in drawn] == ["0", "1"]
+    assert watched == [(False, False), *[(True, False)] * 3]  # steps are counted for the set-up
+    assert [view.problem for view in drawn] == ["0", "1"]

@@ -191,7 +191,7 @@ class Rig:
         return Snapshot(state, self._since_s, False, message, remedy, SignalLine(), empty_view())
 
     def watch(self, curves: bool, *, switch: bool) -> None:
-        """Set whether the live curves must be updated, and each step of the light switch counted."""
+        """Set whether the live curves are computed, and whether each step of the light switch is counted."""
         if self._running is not None:
             self._running.capture.watch(curves, switch=switch)
 

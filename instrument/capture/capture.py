@@ -83,7 +83,10 @@ class Capture:
         self._orders.put(("abort", None))
 
     def watch(self, curves: bool, *, switch: bool) -> None:
-        """Set whether the live curves must be updated, and each step of the light switch counted: most of idle work."""
+        """Set whether the live curves are computed, and whether each step of the light switch is counted.
+
+        Both together are most of the work while no shot is taken.
+        """
         self._capture.counts_steps = switch
         if self._live is not None:
             self._live.watched = curves

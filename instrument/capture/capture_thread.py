@@ -49,7 +49,7 @@ class CaptureThread:
         self.alive_s: float | None = None
         self.arm_pressed_s: float | None = None  # when ARM was pressed, until the thread has taken the order
         self.closing = False
-        self.counts_steps = True  # whether every step of the light switch counts although no shot can begin
+        self.counts_steps = True  # whether each step of the light switch is counted also while no shot can begin
         self.touched = False  # while True only this thread may call the digitizer
         self.prepared = False  # while True every call of the digitizer returns soon
         self._digitizer = digitizer

@@ -152,8 +152,8 @@ class StreamReader:
     def read(self, *, closely: bool = True) -> ReadBlock | None:
         """Read the next block into the ring and return it, None if none came in time.  Raises DigitizerError.
 
-        Its trigger is sought only if ``closely``; otherwise the light switch's level is followed, which takes a tenth
-        of the time.
+        A shot's trigger is sought only if ``closely``.  Otherwise the light switch is read now and then, for its level:
+        reading each sample takes half of the capture thread's time.
         """
         stream = self.stream
         assert stream is not None

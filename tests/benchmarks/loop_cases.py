@@ -15,7 +15,7 @@ from analysis.signal.record import motion_from_displacement
 from instrument.bench.effects import CATALOGUE, OFF_CATALOGUE
 from instrument.bench.optics import Optics
 from instrument.bench.rig import Bench
-from instrument.bench.simulated_shots import record_shot
+from instrument.bench.simulated_shots import DURATION_S, SAMPLE_RATE_HZ, record_shot
 from tests.bench.blind import RATE_HZ, Record, Truth, drawn, records
 from tests.bench.displacement_noise import Noise, NoiseKind, displacement_noise_m
 from tests.bench.separation import separation
@@ -152,7 +152,12 @@ def motions(truth: Truth, case: Case) -> tuple[Motion, ...]:
     if case.kind != "raw":
         return tuple(as_motion(record) for record in records(truth))
     rig = Bench(bodies=truth.bodies, effects=truth.effects, optics=_optics(case.raw), floor_m=0.0, seed=truth.seed)
-    shots = (record_shot(rig, i, speed, 10e6, 0.06)[0] for i, speed in enumerate(truth.speeds_m_per_s))
+    return recorded_motions(rig, truth)
+
+
+def recorded_motions(rig: Bench, truth: Truth) -> tuple[Motion, ...]:
+    """Return the shots of a truth as ``rig`` records them and the analysis demodulates them."""
+    shots = (record_shot(rig, i, v, SAMPLE_RATE_HZ, DURATION_S)[0] for i, v in enumerate(truth.speeds_m_per_s))
     return tuple(demodulate(shot, AnalysisSettings()) for shot in shots)
 
 

@@ -15,18 +15,15 @@ from analysis.inference.noise.site import Site
 from analysis.inference.noise.sway import Sway, frame_response_of
 from analysis.shot.impact import VibrationSpectrum
 from analysis.shot.motion import Motion
-from analysis.shot.shot import AnalysisSettings
-from analysis.signal.demodulation import demodulate
 from instrument.bench.effects import CATALOGUE
 from instrument.bench.frame import HIGHEST_HZ, LOWEST_HZ, density_m2_per_hz
 from instrument.bench.rig import Bench
-from instrument.bench.simulated_shots import DURATION_S, SAMPLE_RATE_HZ, record_shot
 from instrument.bench.site import QUIET, site_named
 from tests.bench.blind import Truth, clean_m, drawn, records
 from tests.bench.displacement_noise import Noise, NoiseKind
 from tests.bench.scaled import scaled
 from tests.bench.strength import base_tangents, strongest
-from tests.benchmarks.loop_cases import as_motion
+from tests.benchmarks.loop_cases import as_motion, recorded_motions
 
 Floats = NDArray[np.float64]
 OF_A_SITE = ("plate_motion", "frame_vibration")  # what a building does by itself: no finding there
@@ -143,13 +140,12 @@ def _sway(truth: Truth, index: int, shot: Samples) -> Sway:
     return frame_response_of(shot, site, base, shared, own, {})
 
 
-def motions_of(truth: Truth, case: Case) -> list[Motion]:
+def motions_of(truth: Truth, case: Case) -> Sequence[Motion]:
     """Return what the analysis is given."""
     if not case.recorded:
         return [as_motion(record) for record in records(truth)]
     rig = Bench(bodies=truth.bodies, effects=truth.effects, site=truth.site, seed=truth.seed)
-    shots = (record_shot(rig, i, v, SAMPLE_RATE_HZ, DURATION_S) for i, v in enumerate(truth.speeds_m_per_s))
-    return [demodulate(recording, AnalysisSettings()) for recording, _ in shots]
+    return recorded_motions(rig, truth)
 
 
 def judge(case: Case, diagnose: Callable[[Sequence[Motion]], Any]) -> Outcome:

@@ -60,6 +60,11 @@ class Discovery:
         return named and self.fitted.converged and not self.residual.significant
 
 
+def curves_may_beat(beat: float, rough: Sequence[Learned], start: Fitted) -> bool:
+    """Return whether further steps of one of these ``rough`` curves may lower the BIC from ``start`` below ``beat``."""
+    return any(may_beat(beat, curve.bic, start.bic) for curve in rough)
+
+
 def forms_may_beat(beat: float, curves: Sequence[Learned], start: Fitted) -> bool:
     """Return whether a closed form in place of one of these curves may lower the BIC from ``start`` below ``beat``."""
     return any(curve.least_form_bic - _SHORT * (start.bic - curve.least_form_bic) < beat for curve in curves)
@@ -84,7 +89,7 @@ def learn_law(
         return None
     if curves is None:
         rough = rough_curves(start, tell, stop, beside)
-        if not any(may_beat(beat, one.bic, start.bic) for one in rough):
+        if not curves_may_beat(beat, rough, start):
             return None
         curves = refine_contenders(start, rough, stop)
     if not forms_may_beat(beat, curves, start):

@@ -9,10 +9,11 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 from analysis.diagnosis.evidence.identifiability import separation
-from analysis.diagnosis.findings.criteria import CRITERIA, may_beat
+from analysis.diagnosis.findings.criteria import CRITERIA
 from analysis.diagnosis.learning.curve_fit import Learned
 from analysis.diagnosis.learning.law_learning import (
     Discovery,
+    curves_may_beat,
     forms_may_beat,
     learn_law,
     refine_contenders,
@@ -75,14 +76,11 @@ class SingleLaw:
             return False
         curves = partial(rough_curves, self.start, self._tell_half, self.limit, steps=1, where="block")
         none: list[Learned] = []
-        return any(may_beat(beat, one.bic, self.start.bic) for one in self.limit.within(_STEP, curves, none))
-
-    def _rough_may_beat(self, beat: float) -> bool:
-        return any(may_beat(beat, curve.bic, self.start.bic) for curve in self.rough)
+        return curves_may_beat(beat, self.limit.within(_STEP, curves, none), self.start)
 
     def _one_may_beat(self, beat: float) -> bool:
         """Return whether a closed form of one curve may come below a BIC; curves far above it are not continued."""
-        return self._rough_may_beat(beat) and forms_may_beat(beat, self.curves, self.start)
+        return curves_may_beat(beat, self.rough, self.start) and forms_may_beat(beat, self.curves, self.start)
 
     def _tell_half(self, what: str, _fraction: float) -> None:
         self.tell(what, _HALF)
@@ -91,7 +89,7 @@ class SingleLaw:
         """Return whether this law, or two laws in its place, may come below the BIC ``beat``."""
         if self._one_may_beat(beat):
             return True
-        led_nowhere = self._rough_may_beat(beat) and not self.curves
+        led_nowhere = curves_may_beat(beat, self.rough, self.start) and not self.curves
         if led_nowhere or not self.rough:
             return False
         none: list[Learned] = []

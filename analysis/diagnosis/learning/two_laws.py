@@ -26,6 +26,7 @@ from analysis.diagnosis.learning.law_learning import (
     Discovery,
     arguments_of,
     converge_contenders,
+    curves_may_beat,
     finer,
     forms_may_beat,
     learn_law,
@@ -175,7 +176,7 @@ def two_curves(start: Fitted, stop: Stop, *, beat: float = math.inf) -> list[Lea
             return None
 
     rough = sorted((one for one in side_by_side(fitted, pairs) if one is not None), key=lambda one: one.bic)
-    if not any(may_beat(beat, one.bic, start.bic) for one in rough):
+    if not curves_may_beat(beat, rough, start):
         return []
     ahead = converge_contenders(start, rough, stop)
     if not forms_may_beat(beat, ahead[:1], start):

@@ -15,6 +15,7 @@ from analysis.inference.model.effective_parameters import Point
 from analysis.inference.model.free_parameters import TrialEffect
 from analysis.inference.model.samples import Samples
 from analysis.inference.noise.estimate import LikelyStrengths, learn, likely_strengths
+from analysis.inference.noise.flights import flights_allow
 from analysis.inference.noise.floor import Floor, LikeliestFloor
 from analysis.inference.screen import screening
 from analysis.inference.screen.columns import contribution_of
@@ -246,8 +247,9 @@ class Fitted(ModelAtVector):
         if not data.site.moves:
             return self.noise.still
         flights = data.noise_of_flights
-        learned = replace(self.noise, site=flights.site)
-        return learned if learned.wander and not flights.wander and data.flights_allow(learned) else flights
+        if flights.wander or not self.noise.wander or not flights_allow(self.noise, data.shots, data.site):
+            return flights
+        return replace(self.noise, site=flights.site)
 
     @property
     def wanders_only_in_contact(self) -> bool:

@@ -10,7 +10,7 @@ from analysis.collision import Infeasible
 from analysis.compiled import side_by_side
 from analysis.inference.model.base import Base, SearchStart
 from analysis.inference.model.samples import Samples
-from analysis.inference.noise.flights import flights_allow, noise_of_flights
+from analysis.inference.noise.flights import noise_of_flights
 from analysis.inference.noise.floor import Floor, white_by_differences, white_floor
 from analysis.inference.noise.site import BELOW_HZ, STILL_FRAME, Site
 from analysis.inference.noise.sway import on_site
@@ -55,10 +55,6 @@ class JointData:
     def noise_of_flights(self) -> Floor:
         """Get the noise estimated from the quiet flights, with the frame's strengths as read from them."""
         return noise_of_flights(self.shots, self.site)[0]
-
-    def flights_allow(self, noise: Floor) -> bool:
-        """Return whether the quiet flights do not contradict the white noise and the wander of ``noise``."""
-        return flights_allow(noise, self.shots, self.site)
 
     @property
     def stated_noise(self) -> Floor:

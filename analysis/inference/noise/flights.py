@@ -64,11 +64,9 @@ def flights_allow(noise: Floor, shots: Sequence[Samples], site: Site) -> bool:
         return False
     angle, power = (np.concatenate(part) for part in zip(*incoming, *outgoing, strict=True))
 
-    def unlikely(of: Floor) -> float:
-        density = _density(of, angle)
-        return _WEIGHT * float(np.sum(np.log(density) + power / density))
-
-    return unlikely(noise) - unlikely(likeliest_noise([*incoming, *outgoing], noise.spacing_s)) < _ALLOWED
+    best = likeliest_noise([*incoming, *outgoing], noise.spacing_s)
+    given, least = (_unlikelihood(power, _density(one, angle)) for one in (noise, best))
+    return given - least < _ALLOWED
 
 
 def _spectra_of_flights(shots: Sequence[Samples], site: Site) -> tuple[list[Spectrum], list[Spectrum]]:
@@ -156,13 +154,12 @@ def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
     angle, power = (np.concatenate(part) for part in zip(*spectra, strict=True))
     power = np.maximum(power, MIN_NOISE_M**2)
     flat = float(np.mean(power))
-    alone = _WEIGHT * float(np.sum(np.log(flat) + power / flat))
+    alone = _unlikelihood(power, np.full(power.size, flat))
     tried: list[tuple[float, float, float, float]] = []
     for tau_s in _CORRELATION_TIMES_S:
         shape = _wandering(angle, 1.0, math.exp(-spacing_s / tau_s))
         white, floor = _two_levels(power, shape)
-        model = white + floor * shape
-        tried.append((_WEIGHT * float(np.sum(np.log(model) + power / model)), tau_s, white, floor))
+        tried.append((_unlikelihood(power, white + floor * shape), tau_s, white, floor))
     least = min(t[0] for t in tried)
     if alone - least < _PAYS:
         return white_floor(math.sqrt(flat), spacing_s)
@@ -170,6 +167,11 @@ def likeliest_noise(spectra: Sequence[Spectrum], spacing_s: float) -> Floor:
     quickest = float(_wandering(np.array([np.pi]), floor, math.exp(-spacing_s / tau_s))[0])
     white = max(white, _MIN_WHITE * (white + quickest))
     return Floor(math.sqrt(white), (math.sqrt(floor), 0.0), (float(tau_s), 1e-2), spacing_s)
+
+
+def _unlikelihood(power: Floats, density: Floats) -> float:
+    """Return the negative Whittle log-likelihood of powers under a noise with these spectral densities."""
+    return _WEIGHT * float(np.sum(np.log(density) + power / density))
 
 
 def _density(noise: Floor, angle: Floats) -> Floats:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.collision.parameters import Infeasible
+from analysis.inference.fit import problem as problem_module
 from analysis.inference.fit.least_squares import Minimum
 from analysis.inference.fit.problem import Fitted, Problem
 from analysis.inference.noise.floor import Floor
@@ -120,14 +121,17 @@ def test_a_fit_is_at_its_minimum_with_its_criterion_and_its_covariance(best: Fit
     assert best.with_marginal_covariance() is best and best.continued() is best  # no frame, and at its end
 
 
-def test_on_a_frame_a_wander_that_the_flights_bear_but_do_not_show_is_no_missing_effect() -> None:
+def test_on_a_frame_a_wander_that_the_flights_bear_but_do_not_show_is_no_missing_effect(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     flights, learned = (
         Floor(1e-10, (0.0, 0.0), (1e-2, 1e-2), 2e-5, (0.0,)),
         Floor(9e-11, (4e-11, 0.0), (1e-3, 1e-2), 2e-5, (1.5,)),
     )
 
     def unlearned(seen: Floor, noise: Floor, allowed: bool, moves: bool = True) -> Floor:
-        data = Some(site=Some(moves=moves), noise_of_flights=seen, flights_allow=lambda _: allowed)
+        monkeypatch.setattr(problem_module, "flights_allow", lambda *_: allowed)
+        data = Some(site=Some(moves=moves), noise_of_flights=seen, shots=())
         fitted: Any = Some(problem=Some(data=data), noise=noise)
         found: Floor = Fitted.unlearned_noise.func(fitted)  # type: ignore[attr-defined]
         return found
